@@ -1,18 +1,18 @@
-//! The one error type of the library's surface.
+//! The library's only error type.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::gpu::GpuError;
 
-/// Characters of a message about a file. Messages quote files, whose words can be megabytes long.
+/// Maximum characters of a message about a file. Messages quote files, whose words can be megabytes long.
 const MAX_WHAT: usize = 800;
 
-/// Everything that can go wrong. [`Error::exit_code`] is what the command line returns for it.
+/// Any failure of the library. [`Error::exit_code`] is the command line's exit status for it.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "fields are what the messages say of them")]
 pub enum Error {
-    /// A file's contents are not what they should be. `what` names the field and what was expected.
+    /// Invalid contents of a file. `what` names the field and the expected value.
     #[error("{}: {}", one_line(&path.to_string_lossy(), usize::MAX), one_line(what, MAX_WHAT))]
     Input { path: PathBuf, what: String },
     /// A file could not be read or written.
@@ -30,7 +30,7 @@ pub enum Error {
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
-    /// Bad input in a file: `what` says what was found and what was expected.
+    /// Bad input in a file: `what` states the value found and the expected one.
     pub fn input(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
         Error::Input { path: path.as_ref().to_owned(), what: what.into() }
     }
@@ -40,7 +40,7 @@ impl Error {
         Error::Io { path: path.as_ref().to_owned(), source }
     }
 
-    /// 2 for what the caller gave, 1 for what the machine did.
+    /// 2 for errors in the caller's input, 1 for failures of the machine.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Input { .. } | Error::Usage(_) | Error::Gpu(GpuError::Null(_)) => 2,
@@ -50,8 +50,8 @@ impl Error {
     }
 }
 
-/// `text` with control characters (which could break the line or move a terminal's cursor) written out as escapes, and
-/// where it is longer than `limit` characters without its middle.
+/// Escapes control characters of `text`, which could break the line or move a terminal's cursor. Removes the
+/// middle if it is longer than `limit` characters.
 fn one_line(text: &str, limit: usize) -> String {
     let escape = |c: char| {
         let (plain, escaped) = if c.is_control() { (None, Some(c.escape_default())) } else { (Some(c), None) };
@@ -61,7 +61,7 @@ fn one_line(text: &str, limit: usize) -> String {
     without_middle(&escaped, limit).into_owned()
 }
 
-/// What was expected stands at the end of a message, so that is kept as well as the beginning.
+/// Keeps the end as well as the beginning: messages end with the expected value.
 fn without_middle(text: &str, limit: usize) -> Cow<'_, str> {
     if text.chars().nth(limit).is_none() {
         return Cow::Borrowed(text);

@@ -1,13 +1,15 @@
 #version 460
-// Makes parents and children of what were copies, and resets opacities.
+// Turns copies into parents and children, and resets opacities.
 //
-// One thread takes one Gaussian of a page, at its new number. words, sources, copies, population, geometry, moments -> the same.
-// MCMC (Kheradmand 2024): n equal Gaussians in one place, n at most COPIES, opacities and scales so that together they show what
-// the one did. ADC (Kerbl 2023): a child is a copy of a small Gaussian; of a large one both are drawn from it, their scales over 1.6.
-// BUDGET: two halves of it along its longest axis, which keep its second moment there and its opacity in the middle.
-// Moments of parents and children begin at 0, those of an ADC clone's parent go on. Then opacities are at most `most`, with new
-// moments where that is less than they were.
-// Scores begin anew. Nothing happens once status says that the step did not fit.
+// One thread takes one Gaussian of a page, at its new number. words, sources, copies, population, geometry,
+// moments -> the same.
+// MCMC (Kheradmand 2024): n equal Gaussians in one place, n at most COPIES, with opacities and scales such
+// that together they look like the original. ADC (Kerbl 2023): a child is a copy of a small Gaussian; of a
+// large one both are drawn from it, their scales over 1.6. BUDGET: splits it into two halves along its
+// longest axis, which preserve its second moment there and its opacity in the middle.
+// Moments of parents and children start at 0; an ADC clone's parent keeps its moments. Then opacities are
+// clamped to `most`, with new moments if that lowers them.
+// Scores restart at 0. Nothing changes once status says that the step did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -17,14 +19,14 @@
 
 layout(constant_id = 1) const uint STRATEGY = MCMC;
 layout(constant_id = 2) const uint SH_BESIDE = 6; // planes of moments of harmonics
-layout(constant_id = 3) const uint MOMENTS = 2; // planes for each of the geometry
+layout(constant_id = 3) const uint MOMENTS = 2; // moment planes for each plane of the geometry
 
 layout(push_constant, scalar) uniform Push {
     uint segment;
     uint page_first;
     uint stride;
-    float small;  // ADC: largest scale of what is cloned, scene units
-    float most;   // opacity
+    float small;  // ADC: largest scale that is cloned, scene units
+    float most;   // largest opacity
     uint step;
     uint seed;
 } push;
@@ -51,7 +53,7 @@ const float SPLIT_SCALE = 1.6;             // ADC
 const float HALF_SCALE = 0.70710678118654752; // BUDGET: of the longest axis
 const float HALF_OPACITY = 0.70710678118654752; // BUDGET: exponent of the transmittance
 
-// ln(x / (1 - x)) from 1 - x, which a high opacity has more digits of.
+// ln(x / (1 - x)), given 1 - x, which has more digits for a high opacity.
 float logit_of(float x, float rest) { return log(x) - log(rest); }
 
 void main() {
@@ -70,8 +72,8 @@ void main() {
         if (STRATEGY == MCMC) {
             n = min(n, COPIES);
             float rest_new = pow(rest, 1.0 / float(n)), opacity_new = clamp(1.0 - rest_new, OPACITY_MIN, OPACITY_MAX);
-            // sum over i = 1..n, k = 0..i-1 of C(i-1, k) (-1)^k o^(k+1) / sqrt(k+1) = sum over k of C(n, k+1) (-1)^k ...: n terms
-            // that alternate; their sum is at least o, as that of i = 1 is.
+            // sum over i = 1..n, k = 0..i-1 of C(i-1, k) (-1)^k o^(k+1) / sqrt(k+1) = sum over k of C(n, k+1)
+            // (-1)^k ...: n alternating terms. Their sum is at least o, the part of i = 1.
             float sum = 0.0, term = 1.0;
             for (uint k = 0; k < n; ++k) {
                 term *= float(n - k) / float(k + 1) * opacity_new;

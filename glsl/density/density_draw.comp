@@ -1,10 +1,11 @@
 #version 460
 // Draws the parent of each child.
 //
-// One thread takes one child. words, order -> sources (of numbers from ALIVE on: the parent's old number), copies (by old number:
-// how many children it has; 0 before). With REPLACEMENT order holds where each Gaussian's weight begins in the sum CANDIDATES, and a
-// hash of child and step falls into one of them; else order holds candidates by key, and child j is that of candidate j.
-// Integers alone are added, so the order of threads does not matter.
+// One thread takes one child. words, order -> sources (for numbers from ALIVE on: the parent's old number),
+// copies (by old number: its number of children; 0 before). With REPLACEMENT, order holds the start of each
+// Gaussian's weight in the sum CANDIDATES, and a hash of child and step falls into one of these. Without,
+// order holds candidates by key, and child j comes from candidate j.
+// Only integers are added, so the order of threads does not matter.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/density.glsl"
@@ -26,7 +27,7 @@ void main() {
     if (REPLACEMENT) {
         uint high, low;
         umulExtended(pcg4d(uvec4(child, push.step, HASH_DRAW, push.seed)).x, words[CANDIDATES], high, low);
-        // The last Gaussian that begins at `high` or before: one without a weight begins where the next does.
+        // The last Gaussian that begins at `high` or before: one with no weight begins where the next does.
         uint first = 0, end = words[OLD];
         while (end - first > 1) {
             uint middle = first + (end - first) / 2;

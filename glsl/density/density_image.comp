@@ -1,8 +1,9 @@
 #version 460
-// What a Gaussian's score is made of, pixel by pixel, in place of an image's gradient: blend_backward then sums it by blend weight.
+// Writes per-pixel terms of the Gaussians' scores in place of an image's gradient: blend_backward then sums
+// them by blend weight.
 //
-// One thread takes one pixel of a frame. frames, image, targets -> image_grad: mean |difference| of the channels, 1, 0; all 0 where
-// the pixel does not count or has no error that is a number.
+// One thread takes one pixel of a frame. frames, image, targets -> image_grad: mean |difference| of the
+// channels, 1, 0; all 0 if the pixel does not count or its error is not finite.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/unit.glsl"

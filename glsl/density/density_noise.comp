@@ -1,9 +1,10 @@
 #version 460
-// Moves means at random, the more the fainter a Gaussian is: the noise of 3DGS-MCMC (Kheradmand 2024).
+// Moves means at random, fainter Gaussians more: the noise of 3DGS-MCMC (Kheradmand 2024).
 //
 // One thread takes one Gaussian of a page. population, geometry -> geometry: mean += Sigma (e sigmoid(100 ((1 - o) - 0.995))) rate,
-// e three normal deviates that are a hash of (number, step, seed).
-// Limits: a Gaussian whose noise is not finite stays where it is. Nothing moves once status says that the step did not fit.
+// e three normal deviates hashed from (number, step, seed).
+// Limits: a Gaussian whose noise is not finite does not move. Nothing changes once status says that the step
+// did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"

@@ -1,8 +1,8 @@
 #version 460
-// Gives the Gaussians that stay their new numbers, in their order.
+// Renumbers the Gaussians that stay, preserving their order.
 //
-// One thread takes one Gaussian of a page. words, alive, ranks (how many before it are alive) -> sources. Where all stay (see
-// density_plan) each keeps its number.
+// One thread takes one Gaussian of a page. words, alive, ranks (number of alive Gaussians before it) ->
+// sources. If all stay (see density_plan), each keeps its number.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/density.glsl"

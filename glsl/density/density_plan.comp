@@ -1,10 +1,10 @@
 #version 460
-// How many Gaussians there will be, and how many of them are drawn.
+// Computes the new number of Gaussians, and the number of children drawn.
 //
-// One thread. words (OLD, ALIVE, CANDIDATES) -> words, dispatch_args of a thread for each child. There will be as many as `target`
-// or OLD and an `nth` of it, whichever is more, but not more than capacity, nor than ALIVE and one child of each candidate where
-// they are not drawn with REPLACEMENT. Where none is alive, or status says that the step did not fit, all stay as they are: ALIVE
-// and NEW become OLD.
+// One thread. words (OLD, ALIVE, CANDIDATES) -> words, dispatch_args of a thread for each child. The new
+// number is the larger of `target` and OLD plus an `nth` of OLD. Its limits are the capacity and, without
+// REPLACEMENT, ALIVE plus one child of each candidate. If none is alive, or status says that the step did not
+// fit, all stay unchanged: ALIVE and NEW become OLD.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/status.glsl"

@@ -1,11 +1,13 @@
 #version 460
-// Adds what a view says of each Gaussian to its scores.
+// Adds one view's contribution to each Gaussian's scores.
 //
-// One thread takes one Gaussian of a page and sums its records, see shared/records.glsl. With PULLS the records are the loss's and the
-// length of the mean's gradient in the image is added, in halves of the image's sides as 3DGS has it; else they are those that
-// blend_backward makes for SCORES, and error and blend weight are.
+// One thread takes one Gaussian of a page and sums its records, see shared/records.glsl. With PULLS the
+// records are those of the loss, and the length of the mean's gradient in the image is added, in halves of
+// the image's sides as in 3DGS. Without, the records are those of blend_backward with SCORES, and error and
+// blend weight are added.
 // population, records, first_slot, tile_counts, splats (by Gaussian index), scores -> scores
-// Limits: what is not finite is not added. Nothing is added once status says that the step did not fit.
+// Limits: sums that are not finite are not added. Nothing is added once status says that the step did not
+// fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/unit.glsl"

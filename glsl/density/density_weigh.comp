@@ -1,11 +1,14 @@
 #version 460
-// Which Gaussians stay, and how likely each is to be drawn.
+// Decides which Gaussians stay, and how likely each is to be drawn.
 //
-// One thread takes one Gaussian of a page. population, geometry, scores -> alive (1 or 0) and keys, by number in the segment.
-// MCMC: alive above least_opacity; the key is a weight in proportion to the opacity, so small that the sum of `capacity` of them has
-// 32 bits. ADC: alive from least_opacity on; the key is 0 where the mean pull is at least least_score, else NONE. BUDGET: alive from
-// least_opacity on; keys are those of Efraimidis and Spirakis ("Weighted random sampling with a reservoir", 2006), the bits of
-// -ln(1 - u) / score, NONE where the score is not above 0: the smallest are a sample without replacement.
+// One thread takes one Gaussian of a page. population, geometry, scores -> alive (1 or 0) and keys, by number
+// in the segment.
+// MCMC: alive above least_opacity. The key is a weight in proportion to the opacity, scaled so that the sum
+// of `capacity` keys fits 32 bits.
+// ADC: alive from least_opacity on. The key is 0 if the mean pull is at least least_score, else NONE.
+// BUDGET: alive from least_opacity on. Keys are those of Efraimidis and Spirakis ("Weighted random sampling
+// with a reservoir", 2006), the bits of -ln(1 - u) / score, NONE if the score is not above 0: the smallest
+// keys are a sample without replacement.
 // Limits: a Gaussian with a NaN opacity or scale is not alive.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -19,7 +22,7 @@ layout(push_constant, scalar) uniform Push {
     uint segment;
     uint page_first;
     uint stride;
-    uint capacity;       // Gaussians at most
+    uint capacity;       // maximum number of Gaussians
     float least_opacity;
     float least_score;
     uint step;
@@ -36,7 +39,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer Scores { vec4 scores[]; };
 layout(set = 0, binding = 3, scalar) writeonly buffer Alive { uint alive[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Keys { uint keys[]; };
 
-// Sums and keys beyond these have no float32 for their quotient.
+// Scores beyond these have no float32 for their quotient with a key.
 const float SCORE_MIN = 1e-18, SCORE_MAX = 1e18;
 
 void main() {

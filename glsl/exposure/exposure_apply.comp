@@ -1,7 +1,8 @@
 #version 460
-// The blended image as a photograph's exposure has it: c' = M c + b.
+// Applies a photograph's exposure map to the blended image: c' = M c + b.
 //
-// One thread takes one pixel of a frame. frames, maps, image -> corrected; transmittance as it is. Colours are not clamped.
+// One thread takes one pixel of a frame. frames, maps, image -> corrected. Transmittance is copied. Colours
+// are not clamped.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/exposure.glsl"

@@ -1,9 +1,10 @@
 #version 460
-// From the gradient of a corrected image to that of the blended image, and to that of the photograph's map.
+// Turns the gradient of a corrected image into those of the blended image and of the photograph's map.
 //
 // One subgroup takes SUM_PIXELS consecutive pixels of a frame. frames, maps, image, image_grad -> image_grad, sums
-// With g the gradient by c' = M c + b, image_grad becomes transpose(M) g, and sums get the sum of g (c, 1)^T over the subgroup's
-// pixels: MAP numbers for each, in the order of a map, added up in a fixed order. A pixel that does not count has g = 0 and no part.
+// With g the gradient by c' = M c + b, image_grad becomes transpose(M) g. sums gets the sum of g (c, 1)^T
+// over the subgroup's pixels: MAP numbers for each subgroup, in the order of a map, added up in a fixed
+// order. A pixel that does not count has g = 0 and adds nothing.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/exposure.glsl"
@@ -37,7 +38,7 @@ void main() {
             vec3 shown = image[at].rgb, g = vec3(image_grad[3 * at], image_grad[3 * at + 1], image_grad[3 * at + 2]);
             vec3 to_image = vec3(0.0);
             [[unroll]] for (uint row = 0; row < 3; ++row) {
-                // What is rendered may be anything where nothing pulls, also no number.
+                // If g is 0 the rendered colour may be any value, even NaN.
                 if (g[row] != 0.0) part[row] += g[row] * vec4(shown, 1.0); // guard: exposure: pixels that count
                 to_image += g[row] * rows[row];
             }

@@ -1,11 +1,13 @@
 #version 460
-// The Adam step of one photograph's map, upon which the mean of all maps becomes the identity again.
+// Takes the Adam step of one photograph's map, then moves all maps so that their mean is the identity again.
 //
 // One workgroup. status, sums, maps, moments -> maps, moments
-// Threads add up the sums of exposure_backward, threads 0 to MAP - 1 step an entry each (Kingma 2014, bias correction by the steps of
-// this photograph), and the mean over all photographs of (M - I | b) is taken from each: a colour that all photographs share is the
-// scene's, not theirs. All sums have a fixed order.
-// Limits: a gradient that is not finite moves nothing. Nothing moves once status says that a step did not fit.
+// Threads add up the sums of exposure_backward, and threads 0 to MAP - 1 step an entry each (Kingma 2014,
+// bias correction by the steps of this photograph). Then the mean over all photographs of (M - I | b) is
+// subtracted from each: a colour that all photographs share belongs to the scene. All sums have a fixed
+// order.
+// Limits: a gradient that is not finite changes nothing. Nothing changes once status says that a step did not
+// fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/status.glsl"
@@ -14,8 +16,8 @@
 
 layout(push_constant, scalar) uniform Push {
     uint photo;  // whose map steps
-    uint photos; // maps in all
-    uint runs;   // of SUM_PIXELS pixels that sums has
+    uint photos; // number of maps
+    uint runs;   // runs of SUM_PIXELS pixels in sums
     float rate;
 } push;
 
@@ -29,7 +31,7 @@ shared float parts[MAP * (gl_WorkGroupSize.x / 8)];
 shared float totals[MAP];
 shared float stepped[MAP];
 
-// Adds up over the workgroup, into totals.
+// Adds `part` up over the workgroup, into totals.
 void add_up(float part[MAP]) {
     [[unroll]] for (uint e = 0; e < MAP; ++e) {
         float sum = subgroupAdd(part[e]);
@@ -66,7 +68,7 @@ void main() {
     if (!sound) return; // guard: exposure: gradients that are finite
 
     uint own = MOMENTS * push.photo;
-    // After this step; thread 0 writes them once all have read what was before.
+    // Corrections after this step; thread 0 writes them once all have read the old ones.
     float c1 = mean_with(1.0, moments[own + CORRECTIONS], BETA1), c2 = mean_with(1.0, moments[own + CORRECTIONS + 1], BETA2);
     if (thread < MAP) {
         float m = moments[own + FIRST + thread], v = moments[own + SECOND + thread];

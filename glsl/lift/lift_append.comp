@@ -1,9 +1,10 @@
 #version 460
-// Lifts become Gaussians behind those that a segment has, closed up in the order in which they lie.
+// Appends lifts to a segment's Gaussians, compacted, in their order.
 //
-// One thread takes one lift; a dispatch fills one page. lifts, lift_flags (1: of this segment), lift_ranks (their exclusive scan),
-// population -> geometry, sh and, with HAS_LOBES, lobes of the Gaussian whose number in the segment is its count + rank. DC from the
-// lift, all other SH 0, sharpness 0. What is not within the page is left to another dispatch, or does not fit; `recount` then says so.
+// One thread takes one lift; a dispatch fills one page. lifts, lift_flags (1: of this segment), lift_ranks
+// (their exclusive scan), population -> geometry, sh and, with HAS_LOBES, lobes of the Gaussian whose number
+// in the segment is its count + rank. DC comes from the lift, all other SH are 0, sharpness is 0. A lift
+// outside the page is left to another dispatch, or does not fit, which `recount` reports.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"

@@ -1,8 +1,9 @@
 #version 460
-// Number of pixels with a depth that each 2D Gaussian covers (method, section 4.1).
+// Counts the pixels with a depth that each 2D Gaussian covers (method, section 4.1).
 //
-// One subgroup: one 2D Gaussian; its lanes go through the pixels of the bounding box. Subgroups do not meet.
-// screen_planes, screen_frames, views, depths -> point_counts (0 for an empty place).
+// One subgroup takes one 2D Gaussian; its lanes go through the pixels of the bounding box. Subgroups are
+// independent.
+// screen_planes, screen_frames, views, depths -> point_counts (0 for an empty slot).
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/view.glsl"
@@ -16,7 +17,7 @@ layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer PointCounts { uint point_counts[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count;      // 2D Gaussians, empty places among them
+    uint count;      // 2D Gaussians, including empty slots
     uint stride;     // of the planes
     uint view_count;
 } push;

@@ -1,9 +1,9 @@
 #version 460
-// Judges the components of each open set and names its prime group (method, section 4.2 and 4.3).
+// Evaluates the components of each open set and selects its prime group (method, section 4.2 and 4.3).
 //
-// One subgroup: one set. Labels become the components' roots. If clustering failed, tau grows and another round of lift_join and of
-// this stage is asked for: with `round` r, its numbers of workgroups are put at words 6(r + 1) of `rounds` (0 before), for
-// lift_join and, three on, for this stage.
+// One subgroup takes one set. Labels become the components' roots. If clustering failed, tau grows, and the
+// set asks for another round of lift_join and of this stage: with `round` r, its numbers of workgroups go to
+// words 6(r + 1) of `rounds` (0 before), for lift_join and, three words on, for this stage.
 //
 // labels, point_counts, point_firsts, heaviest -> labels (index within the set of the component's first point), group_sizes (scratch:
 // size of a component at its label), taus, prime_labels, cluster_sizes (of the prime group; stays 0 while there is none), rounds.
@@ -14,7 +14,8 @@
 #include "../shared/cluster.glsl"
 #include "../shared/meet.glsl"
 
-// ⚖ What failure is: 0, the largest group has fewer than 3 points; 1, the smallest has (listing 1 of the appendix).
+// ⚖ Failure means: 0, the largest group has fewer than 3 points; 1, the smallest has (listing 1 of the
+// appendix).
 layout(constant_id = 1) const uint FAIL_ON_SMALLEST = 0;
 
 layout(set = 0, binding = 0, scalar) readonly buffer PointCounts { uint point_counts[]; };
@@ -37,13 +38,13 @@ layout(push_constant, scalar) uniform Push {
 #include "../shared/forest.glsl"
 
 const float TAU_GROWTH = 1.5;
-const uint MAX_GROUPS = 65535; // that Vulkan guarantees in a dimension
+const uint MAX_GROUPS = 65535; // largest number that Vulkan guarantees in a dimension
 
 uint group_size_at(uint i) {
     return atomicLoad(group_sizes[i], gl_ScopeDevice, gl_StorageSemanticsNone, gl_SemanticsRelaxed);
 }
 
-// Every set that asks writes the same words; atomically, for they do so at once.
+// Every set that asks writes the same words; atomically, since they do so at once.
 void ask(uint word, uint groups_x, uint groups_y) {
     atomicMax(rounds[word], groups_x);
     atomicMax(rounds[word + 1], groups_y);
@@ -62,7 +63,7 @@ void main() {
         atomicMin(labels[first + i], find(first, i));
         atomicStore(group_sizes[first + i], 0u, gl_ScopeDevice, gl_StorageSemanticsNone, gl_SemanticsRelaxed);
     }
-    // Each lane reads what the others of its subgroup wrote before: also in buffers, which a subgroup's barrier orders too.
+    // Each lane reads other lanes' earlier writes to buffers, which a subgroup barrier also orders.
     subgroup_meets();
     for (uint i = lane; i < n; i += width) atomicAdd(group_sizes[first + label_at(first + i)], 1u);
     subgroup_meets();

@@ -3,17 +3,20 @@
 //
 // Cutting single linkage at distance tau is the partition into connected components of the graph that joins points closer than tau.
 //
-// One lane: one point of the packed sets. A subgroup's points (those of one set: a block; where sets meet, one after the
-// other) meet all points of their set up to themselves. A point farther than tau from the block's box cannot join anything in it
-// and is passed over, as is one known to be in the one component that holds the whole block: of points in pixel order few pairs
-// are left, and for any other order the result is the same. Rounding is monotone, so the computed distance to
-// the box is never above the computed distance to a point in it, and passing over is exact.
+// One lane takes one point of the packed sets. A subgroup's points (a block of one set, or several blocks in
+// turn if sets meet) are tested against all points of their set up to themselves. A point farther than tau
+// from the block's box cannot join anything in it and is skipped, as is a point already in the component of
+// the whole block. In pixel order few pairs are left; any other order gives the same result. Rounding is
+// monotone, so the computed distance to the box is never above the computed distance to a point in it, and
+// skipping is exact.
 //
-// points, point_sets, point_counts, point_firsts, taus, cluster_sizes -> labels: each an ancestor of its point, at first the point
-// itself; components only ever merge as tau grows, so the forest is kept from one round to the next.
+// points, point_sets, point_counts, point_firsts, taus, cluster_sizes -> labels: each an ancestor of its
+// point, initially the point itself. Components only merge as tau grows, so the forest carries over from one
+// round to the next.
 //
-// Limits: llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together. A lane makes n/8 + (pairs
-// left) of them: sets of any size in pixel order (at most 87,000 points), some 50,000 points in the worst order.
+// Limits: llvmpipe silently ends a kernel's loops after 65,535 iterations of all its loops together. A lane
+// makes n/8 + (pairs left) iterations: sets of any size in pixel order (at most 87,000 points), some 50,000
+// points in the worst order.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/cluster.glsl"
@@ -37,7 +40,8 @@ float squared_length(vec3 d) {
     return sum;
 }
 
-// `here`: this lane's point p, number `own` of the set with the ancestor `mine`, is of the block.
+// Joins the points of one block with earlier points. `here`: this lane's point p, number `own` of the set,
+// with the ancestor `mine`, is in the block.
 void join_block(bool here, vec3 p, uint own, uint mine, uint first, uint n, float limit) {
     const float FAR = 3.402823466e38;
     uint lane = gl_SubgroupInvocationID, width = gl_SubgroupSize;
@@ -67,14 +71,15 @@ void join_block(bool here, vec3 p, uint own, uint mine, uint first, uint n, floa
 void main() {
     uint at = subgroup_index() * gl_SubgroupSize + gl_SubgroupInvocationID;
     bool open = at < push.point_count;
-    // Read outside of all loops: where the first access to a buffer is in one, llvmpipe of Mesa 25.2 keeps the buffer's address in
-    // lanes, and reads at address 0 in a loop after one that the first lane did not enter.
+    // Read outside of all loops: if the first access to a buffer is in a loop, llvmpipe of Mesa 25.2 keeps
+    // the buffer's address in lanes. It then reads at address 0 in a loop after one that the first lane did
+    // not enter.
     uint ancestor = label_at(min(at, push.point_count - 1)); // a number of its set, like every label
     uint set_index = open ? point_sets[at] : NONE;
     vec3 p = vec3(0.0);
     if (open) {
         p = points[at].xyz;
-        // A point that is not finite is closer to nothing, and must not spoil the box.
+        // A point that is not finite is close to nothing, and must not spoil the box.
         open = is_open(point_counts[set_index], taus[set_index], cluster_sizes[set_index]) && squared_length(p) < 3.402823466e38;
     }
     while (subgroupAny(open)) {

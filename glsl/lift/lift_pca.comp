@@ -1,15 +1,18 @@
 #version 460
-// The 3D Gaussian of each prime group: position, weighted PCA, calibration, colour and lobe (method, section 4.3 to 4.6).
+// Computes the 3D Gaussian of each prime group: position, weighted PCA, calibration, colour and lobe (method,
+// section 4.3 to 4.6).
 //
-// One subgroup: one 2D Gaussian. Its lanes share the sums over the points and the loop over the training views; the 3x3
-// algebra is done by every lane alike. Sums go lane by lane in point order and then over the lanes: always the same order.
+// One subgroup takes one 2D Gaussian. Its lanes share the sums over the points and the loop over the training
+// views; every lane repeats the 3x3 algebra. Sums go lane by lane in point order and then over the lanes: the
+// order is always the same.
 //
 // screen_planes, screen_frames, views, train_views, points, point_counts, point_firsts, heaviest, labels, prime_labels, cluster_sizes
-// -> lifts, lift_flags (1 where there is a lift, else 0; their exclusive scan is what lift_append wants).
+// -> lifts, lift_flags (1 if there is a lift, else 0; lift_append takes their exclusive scan).
 //
-// Outcomes where the algebra is not unique: collinear or coincident points leave eigenvalues at the floor; axes of equal
-// eigenvalues are what Jacobi's rotations leave, the camera's own where there was nothing to rotate; a third axis seen exactly
-// edge-on keeps its sign. Anything that cannot be finite (a 2D centre, depth or camera that is not) is no lift.
+// Cases without a unique result: collinear or coincident points leave eigenvalues at the floor. Axes of equal
+// eigenvalues are those that Jacobi's rotations leave, the camera's own if nothing was rotated. A third axis
+// seen exactly edge-on keeps its sign. If a result cannot be finite (a 2D centre, depth or camera is not),
+// there is no lift.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/view.glsl"
@@ -23,7 +26,7 @@ layout(constant_id = 1) const uint PLAIN_WEIGHTS = 0;
 layout(set = 0, binding = 0, scalar) readonly buffer ScreenPlanes { float screen_planes[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer ScreenFrames { uint screen_frames[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Views { View views[]; };
-// Indices of the training views; the source view may be among them and is passed over.
+// Indices of the training views. The source view may be among them and is skipped.
 layout(set = 0, binding = 3, scalar) readonly buffer TrainViews { uint train_views[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer Points { vec4 points[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer PointCounts { uint point_counts[]; };
@@ -36,7 +39,7 @@ layout(set = 0, binding = 11, scalar) writeonly buffer Lifts { Lift lifts[]; };
 layout(set = 0, binding = 12, scalar) writeonly buffer LiftFlags { uint lift_flags[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count;       // 2D Gaussians, empty places among them
+    uint count;       // 2D Gaussians, including empty slots
     uint stride;      // of the planes
     uint view_count;
     uint train_count;
@@ -48,12 +51,12 @@ float at(uint p, uint i) { return screen_planes[p * push.stride + i]; }
 const float EIGENVALUE_MIN = 1e-7;       // unit^2
 const uint SWEEPS = 8;                   // Jacobi on 3x3 converges quadratically: 4 reach float32, 6 float64, two to spare
 
-// Annihilates the off-diagonal element pq; r is the third index. Entries are at most 1 (scaled by the trace), so what is
-// below 1e-30 changes nothing.
+// Annihilates the off-diagonal element pq; r is the third index. Entries are at most 1 (scaled by the trace),
+// so elements below 1e-30 change nothing.
 void turn(inout float pp, inout float qq, inout float pq, inout float rp, inout float rq, inout vec3 axis_p, inout vec3 axis_q) {
     if (!(abs(pq) > 1e-30)) return; // guard: rotations of nothing
     float ratio = (qq - pp) / (2.0 * pq);
-    // Beyond 1e15 the square would overflow and tan = 1/(2*ratio) is below all rounding.
+    // Beyond 1e15 the square would overflow, and tan = 1/(2*ratio) is below all rounding.
     float tangent = abs(ratio) < 1e15 ? (ratio < 0.0 ? -1.0 : 1.0) / (abs(ratio) + sqrt(ratio * ratio + 1.0)) : 0.5 / ratio;
     float c = inversesqrt(tangent * tangent + 1.0), s = tangent * c;
     pp -= tangent * pq;
@@ -97,8 +100,8 @@ bool is_finite(vec4 v) {
     return a.x <= FLOAT_MAX && a.y <= FLOAT_MAX && a.z <= FLOAT_MAX && a.w <= FLOAT_MAX;
 }
 
-// The angle at `position` between the source camera (in direction `toward`) and the training camera closest in angle whose
-// frustum holds the position; pi/2 if there is none.
+// The angle at `position` between the source camera (in direction `toward`) and the training camera closest
+// in angle whose frustum contains the position; pi/2 if there is none.
 float nearest_view_angle(vec3 position, vec3 toward, uint source) {
     float nearest = 4.0; // above pi
     for (uint k = gl_SubgroupInvocationID; k < push.train_count; k += gl_SubgroupSize) {

@@ -1,12 +1,13 @@
 #version 460
-// Covered pixels of each 2D Gaussian as 3D points with their weights (method, section 4.1).
+// Converts the covered pixels of each 2D Gaussian to weighted 3D points (method, section 4.1).
 //
-// One subgroup: one 2D Gaussian; its lanes go through the bounding box in row-major order, ballots number the points, so
-// the order is the pixels' whatever the subgroup size.
-// screen_planes, screen_frames, views, depths, point_counts, point_firsts -> points (xyz, weight), point_sets, labels, heaviest, taus.
+// One subgroup takes one 2D Gaussian. Its lanes go through the bounding box in row-major order and ballots
+// number the points, so points are in pixel order at any subgroup size.
+// screen_planes, screen_frames, views, depths, point_counts, point_firsts -> points (xyz, weight),
+// point_sets, labels, heaviest, taus.
 //
-// Points are in the frame of the view's camera: z is the pixel's depth, distances are those of the world (a rigid motion), and
-// no digits are lost when the scene lies far from its origin.
+// Points are in the frame of the view's camera: z is the pixel's depth, distances equal those in the world (a
+// rigid motion), and no digits are lost if the scene lies far from its origin.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/view.glsl"
@@ -20,16 +21,16 @@ layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer PointCounts { uint point_counts[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer PointFirsts { uint point_firsts[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer Points { vec4 points[]; };
-// Index within the set of the point of greatest weight; ties go to the lowest.
+// Index within the set of the point of greatest weight; ties go to the lowest index.
 layout(set = 0, binding = 7, scalar) writeonly buffer Heaviest { uint heaviest[]; };
 // tau0 = 5*dd, dd = depth / fx: the distance at that depth of two horizontally adjacent pixels.
 layout(set = 0, binding = 8, scalar) writeonly buffer Taus { float taus[]; };
-// The 2D Gaussian of each point, and the point as its own component: what clustering starts from.
+// The 2D Gaussian of each point, and the point as its own component: the initial state of clustering.
 layout(set = 0, binding = 9, scalar) writeonly buffer PointSets { uint point_sets[]; };
 layout(set = 0, binding = 10, scalar) writeonly buffer Labels { uint labels[]; };
 
 layout(push_constant, scalar) uniform Push {
-    uint count;      // 2D Gaussians, empty places among them
+    uint count;      // 2D Gaussians, including empty slots
     uint stride;     // of the planes
     uint view_count;
 } push;
@@ -60,7 +61,7 @@ void main() {
     float best_weight = 0.0;
     float best_depth = 0.0;
     uint best = 0;
-    vec3 last = vec3(0.0); // this lane's last point, and its place
+    vec3 last = vec3(0.0); // this lane's last point, and its index
     uint last_at = NONE;
     for (uint base = 0; base < pixels; base += gl_SubgroupSize) {
         uint k = base + gl_SubgroupInvocationID;
@@ -74,7 +75,8 @@ void main() {
         bool taken = weight > 0.0 && is_depth(depth);
         uvec4 ballot = subgroupBallot(taken);
         uint at = written + subgroupBallotExclusiveBitCount(ballot);
-        // at < n holds as the count was taken by the same arithmetic; asked all the same, for a point out of place would be another's.
+        // at < n holds because the count used the same arithmetic. Checked all the same: a misplaced point
+        // would overwrite another set's.
         if (taken && at < n) { // guard: points within the count
             vec2 ray = (vec2(pixel) + 0.5 - vec2(view.cx, view.cy)) / vec2(view.fx, view.fy);
             last = vec3(ray * depth, depth);
@@ -90,8 +92,8 @@ void main() {
         }
         written += subgroupBallotBitCount(ballot);
     }
-    // Were fewer found than counted, what clusters the points must find one in each place all the same: the last one again, without a
-    // weight.
+    // If fewer points were found than counted, clustering must still find a point at each index: the last one
+    // is repeated, without weight.
     // guard: points as many as counted (10 lines)
     if (written < n) {
         uvec4 ends = subgroupBallot(last_at != NONE && last_at + 1 == written);

@@ -1,11 +1,12 @@
 #version 460
-// A gradient of the image that is drawn, not derived: what the backward pass makes of it is, squared and on average, the diagonal of
-// the loss's curvature by the parameters.
+// Draws a random gradient of the image instead of deriving one. The backward pass's result, squared and
+// averaged, is then the diagonal of the loss's curvature by the parameters.
 //
 // One thread takes one pixel of a frame. frames, image, targets -> image_grad, 3 per pixel
-// Method, section 5. The L1 part of the loss is seen as the parabola that touches it where the render is (iteratively reweighted least
-// squares), whose curvature by a channel is w = (1 - SSIM_WEIGHT) / (3 pixels max(|x - y|, LEAST_DIFFERENCE)). With s = 1 or -1 at
-// random the mean of (J^T s sqrt(w))^2 is the diagonal of J^T W J (Hutchinson 1990). 0 where a pixel does not count.
+// Method, section 5. The L1 part of the loss is approximated by the parabola that touches it at the render
+// (iteratively reweighted least squares), whose curvature by a channel is w = (1 - SSIM_WEIGHT) / (3 pixels
+// max(|x - y|, LEAST_DIFFERENCE)). With s = 1 or -1 at random the mean of (J^T s sqrt(w))^2 is the diagonal
+// of J^T W J (Hutchinson 1990). 0 if a pixel does not count.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
@@ -14,7 +15,7 @@
 layout(constant_id = 1) const float SSIM_WEIGHT = 0.2;
 
 const float LEAST_DIFFERENCE = 0.01;
-const uint HASH_PROBE = 5; // apart from those of density.glsl
+const uint HASH_PROBE = 5; // different from those of density.glsl
 
 layout(push_constant, scalar) uniform Push {
     uint frame; // index in frames

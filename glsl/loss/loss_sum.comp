@@ -1,14 +1,14 @@
 #version 460
-// Sums what ssim_forward left per tile into the losses of each frame, in a fixed order.
+// Sums ssim_forward's tile sums into the losses of each frame, in a fixed order.
 //
-// A workgroup does one frame. tile_sums -> losses[first + frame].
+// A workgroup takes one frame. tile_sums -> losses[first + frame].
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 
 layout(constant_id = 1) const float SSIM_WEIGHT = 0.2;
 
-// Means over a frame's pixels and channels, and the loss made of them.
+// Means over a frame's pixels and channels, and the loss computed from them.
 struct Loss {
     float l1;
     float squared;

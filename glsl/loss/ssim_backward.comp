@@ -1,17 +1,18 @@
 #version 460
 // Gradient of (1 - SSIM_WEIGHT) * mean |x - y| + SSIM_WEIGHT * (1 - mean SSIM) by the rendered pixels of each frame.
 //
-// A workgroup does one tile of TILE * TILE pixels and its border: thread (channel, run, row) filters the partials of a run
-// along its row, STRIP rows at a time; they go through shared memory to thread (channel, column), which filters down the
-// column. partials, image, targets -> image_grad, 3 per pixel. The derivative of |x - y| is 0 where x = y; where a pixel does
-// not count all of the gradient is 0.
+// A workgroup takes one tile of TILE * TILE pixels and its border: thread (channel, run, row) filters the
+// partials of a run along its row, STRIP rows at a time; they go through shared memory to thread (channel,
+// column), which filters down the column. partials, image, targets -> image_grad, 3 per pixel. The derivative
+// of |x - y| is 0 at x = y. If a pixel does not count, its whole gradient is 0.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 #include "../shared/runs.glsl"
 
-// Workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+// Workgroup g takes tile tile_list[g] of the count[count_index] listed ones; tiles not listed keep their
+// values.
 layout(constant_id = 1) const bool TILE_LIST = false;
 layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
 
@@ -23,14 +24,14 @@ layout(set = 0, binding = 4, scalar) readonly buffer Targets { uint targets[]; }
 layout(set = 0, binding = 5, scalar) readonly buffer Partials { vec3 partials[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer ImageGrad { float image_grad[]; };
 
-// Frames begin at frame_first; a tile's number is frame * tiles_per_frame + tile, frame counted from there; tile_count is
-// their number without a list.
+// Frames begin at frame_first. A tile's number is frame * tiles_per_frame + tile, with frames counted from
+// there; tile_count is the number of tiles without a list.
 layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
 // Odd, so that neighbouring rows begin in different banks.
 const uint PITCH = TILE + 1;
 shared vec3 blurred[3 * STRIP * PITCH];
-// Strips above the tile, and as many below, that its border needs.
+// Strips above the tile, and again below, that its border needs.
 const int BORDER = (RADIUS + int(STRIP) - 1) / int(STRIP);
 
 vec3 partial_at(Frame frame, uint frame_index, uint channel, ivec2 pixel) {
@@ -77,7 +78,7 @@ void main() {
         if (live) {
             for (uint step = 0; step < STRIP; step++) {
                 vec3 p = feed(down, blurred[(channel * STRIP + step) * PITCH + column]);
-                // Before the tile's first row has its whole window this is a row above the tile.
+                // A row above the tile until the window of the tile's first row is complete.
                 ivec2 pixel = ivec2(corner.x + int(column), top + int(step) - RADIUS);
                 if (pixel.y >= corner.y && pixel.y < corner.y + int(TILE) && within(frame, pixel)) {
                     uint i = uint(pixel.y) * frame.width + uint(pixel.x);

@@ -1,25 +1,29 @@
 #version 460
-// SSIM and L1 of rendered frames against their targets, and the derivatives of SSIM by its blurred moments.
+// Computes SSIM and L1 of rendered frames against their targets, and the derivatives of SSIM by its blurred
+// moments.
 //
-// A workgroup does one tile of TILE * TILE pixels: thread (channel, column) walks down the tile and its border, filtering
-// x, y, x^2 + y^2 and xy; STRIP rows at a time go through shared memory to thread (channel, run, row), which filters
-// along the row. image, targets -> partials (see ssim.glsl), tile_sums (sums of |x - y|, of (x - y)^2 and of SSIM over the
-// tile's pixels and channels), and with LOSS_MAP the loss of each pixel, the mean over its channels: 0 where a pixel does not count,
-// so that nothing is drawn for it.
+// A workgroup takes one tile of TILE * TILE pixels: thread (channel, column) walks down the tile and its
+// border, filtering x, y, x^2 + y^2 and xy; STRIP rows at a time go through shared memory to thread (channel,
+// run, row), which filters along the row.
+// image, targets -> partials (see runs.glsl), tile_sums (sums of |x - y|, of (x - y)^2 and of SSIM over the
+// tile's pixels and channels), and with LOSS_MAP the loss of each pixel, the mean over its channels. If a
+// pixel does not count its loss is 0, so that no Gaussian is drawn for it.
 //
 // With S = A1 A2 / (B1 B2), A1 = 2 mx my + C1, A2 = 2 (E[xy] - mx my) + C2, B1 = mx^2 + my^2 + C1,
 // B2 = E[x^2 + y^2] - mx^2 - my^2 + C2, the partials are p0 = dS/dmx (E fixed), p1 = dS/dE[x^2] = -S / B2 and
-// p2 = dS/dE[xy] = 2 A1 / (B1 B2); so dS/dx = blur(p0) + 2 x blur(p1) + y blur(p2). In A2, B2 and dS/dx all of these are
-// of x - MIDDLE and y - MIDDLE.
-// Float32: E[x^2 + y^2] is 1/2 at most and has an error of some 6e-8, against a B2 of 9e-4 or more: 1e-4 of S, p1 and p2
-// where a picture is flat. p0 is made from p1 and p2 as they are, so that their errors only scale x - mx in the gradient.
+// p2 = dS/dE[xy] = 2 A1 / (B1 B2); so dS/dx = blur(p0) + 2 x blur(p1) + y blur(p2). In A2, B2 and dS/dx all moments are
+// those of x - MIDDLE and y - MIDDLE.
+// Float32: E[x^2 + y^2] is 1/2 at most and has an error of some 6e-8, against a B2 of 9e-4 or more: 1e-4 of
+// S, p1 and p2 if a picture is flat. p0 is computed from the rounded p1 and p2, so that their errors only
+// scale x - mx in the gradient.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "../shared/common.glsl"
 #include "../shared/ssim.glsl"
 #include "../shared/runs.glsl"
 
-// Workgroup g does tile tile_list[g] of count[count_index] listed ones; tiles not listed keep what they had.
+// Workgroup g takes tile tile_list[g] of the count[count_index] listed ones; tiles not listed keep their
+// values.
 layout(constant_id = 1) const bool TILE_LIST = false;
 layout(constant_id = 2) const float SSIM_WEIGHT = 0.2;
 // Also writes loss_map.
@@ -34,16 +38,16 @@ layout(set = 0, binding = 5, scalar) writeonly buffer Partials { vec3 partials[]
 layout(set = 0, binding = 6, scalar) writeonly buffer TileSums { vec3 tile_sums[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer LossMap { float loss_map[]; };
 
-// Frames begin at frame_first; a tile's number is frame * tiles_per_frame + tile, frame counted from there; tile_count is
-// their number without a list.
+// Frames begin at frame_first. A tile's number is frame * tiles_per_frame + tile, with frames counted from
+// there; tile_count is the number of tiles without a list.
 layout(push_constant, scalar) uniform Push { uint frame_first; uint tiles_per_frame; uint tile_count; uint count_index; } push;
 
 const uint COLUMNS = TILE + 2 * RADIUS;
-// A channel has one place more than its rows, so that the second half of them begins one later: rows then begin in different
-// banks. Strips of 8 rows fit into the 16,384 bytes that Vulkan guarantees.
+// A channel has one vec4 more than its rows, so that the second half of the rows begins one later: rows then
+// begin in different banks. Strips of 8 rows fit into the 16,384 bytes that Vulkan guarantees.
 const uint CHANNEL = STRIP * COLUMNS + 1;
 shared vec4 moments[3 * CHANNEL];
-// Where a row of a channel begins in `moments`.
+// First index of a channel's row in `moments`.
 uint row_first(uint channel, uint row) { return channel * CHANNEL + row * COLUMNS + row / (STRIP / 2); }
 
 void main() {
@@ -62,7 +66,7 @@ void main() {
     bool own_column = column.x >= corner.x && column.x < corner.x + int(TILE);
     Filter4 down = EMPTY4;
 
-    // With a loss map one thread does all channels of a run, else the channels have threads of their own.
+    // With a loss map one thread takes all channels of a run; without, each channel has its own threads.
     uint row = thread % STRIP;
     uint run = thread / STRIP % RUNS;
     uint first_channel = LOSS_MAP ? 0 : thread / (STRIP * RUNS);
@@ -148,7 +152,7 @@ void main() {
     }
 
     vec3 sums = vec3(subgroupAdd(l1), subgroupAdd(squares), subgroupAdd(ssim));
-    // Behind the last barrier nobody reads moments.
+    // No thread reads moments after the last barrier.
     if (subgroupElect()) moments[gl_SubgroupID].xyz = sums;
     barrier();
     if (thread == 0) {

@@ -1,18 +1,18 @@
 #version 460
-// Moves a quad of a segment's Gaussians, four planes, to new numbers: to fewer, in another order, or some of them several times.
+// Permutes a quad (four planes) of a segment's Gaussians: to fewer, to another order, or with copies.
 //
-// One thread takes one target; a dispatch takes the sources of one page. sources says by target which number it comes from, NONE
-// where it begins at 0. sources, from (quads of the page, see shared/model.glsl) -> gathered (by target), which is then copied back:
-// what is read and what is written never meet.
+// One thread takes one target; a dispatch takes the sources of one page. sources has for each target the
+// number of its source, NONE if it starts at 0. sources, from (quads of the page, see shared/model.glsl) ->
+// gathered (by target), which is then copied back, so that reads and writes never overlap.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 
 layout(push_constant, scalar) uniform Push {
-    uint count_index;  // where count holds the number of targets
+    uint count_index;  // index in count of the number of targets
     uint targets;      // capacity of gathered
     uint page_first;   // number in the segment of the page's first Gaussian
     uint stride;       // the page's capacity
-    uint quad;         // of those of the page
+    uint quad;         // number of the quad in the page
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };

@@ -1,9 +1,11 @@
 #version 460
-// Takes note of a new number of Gaussians: where each segment begins in the Gaussian index, and the dispatches over its pages.
+// Applies a new number of Gaussians: updates the first index of each segment and the dispatches over its
+// pages.
 //
-// One thread. segment_counts grows by added[added_index] in `segment`, or by nothing where that is NONE, and is kept within
-// the pages' capacity; where it was more, status says so. segment_counts, added, pages -> segment_counts, population,
-// population_args: page p's dispatch at word 3 p, then those over the blocks of all Gaussians up to the end of each segment.
+// One thread. segment_counts grows by added[added_index] in `segment`, or not at all if added_index is NONE,
+// and is clamped to the pages' capacity; status reports if it was more. segment_counts, added, pages ->
+// segment_counts, population, population_args: page p's dispatch at word 3 p, then those over the blocks of
+// all Gaussians up to the end of each segment.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -13,7 +15,7 @@
 
 layout(push_constant, scalar) uniform Push {
     uint page_count;
-    uint threads_per_group; // of kernels that take a thread for each Gaussian of a page
+    uint threads_per_group; // of kernels with one thread for each Gaussian of a page
     uint items_per_group;   // of kernels that take blocks
     uint segment;
     uint added_index;       // NONE: nothing is added

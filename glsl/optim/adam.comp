@@ -1,10 +1,12 @@
 #version 460
 // One Adam step on gradients that project_backward has added up over the views of a step.
 //
-// One thread takes one Gaussian of a page. population, geometry_grads, sh_grads, lobe_grads, geometry, sh, lobes, moments
-// -> geometry, sh, lobes, moments
-// The gradients begin each step at 0. Adam (Kingma 2014), SparseAdam where SPARSE: Gaussians that no view blends stay.
-// Limits: a Gaussian whose gradient is not finite is left as it is. Nothing moves once status says that a view did not fit.
+// One thread takes one Gaussian of a page. population, geometry_grads, sh_grads, lobe_grads, geometry, sh,
+// lobes, moments -> geometry, sh, lobes, moments
+// Gradients start each step at 0. Adam (Kingma 2014), or SparseAdam with SPARSE: Gaussians that no view
+// blends do not step.
+// Limits: a Gaussian whose gradient is not finite is not changed. Nothing changes once status says that a
+// view did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -12,7 +14,7 @@
 
 layout(constant_id = 2) const bool HAS_LOBES = false;    // the segment is the supplement
 layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, colour and lobes are frozen
-layout(constant_id = 4) const bool SPARSE = false;       // leave Gaussians alone that no view of the step blends
+layout(constant_id = 4) const bool SPARSE = false;       // skip Gaussians that no view of the step blends
 
 const bool NEWTON = false;
 
@@ -67,14 +69,15 @@ void main() {
     g.width = by_lobe.w;
     g.sharpness = HAS_LOBES ? lobe_grads[quad_of(LOBE_SHARPNESS, place)].x : 0.0;
     bool sound = finite(g);
-    // They are read once more below: all at once they would take 48 registers.
+    // Read again below: all at once they would take 48 registers.
     [[dont_unroll]] for (uint q = 0; 4 * q < 3 * COEFFICIENTS; ++q) {
         vec4 grads = sh_grads[q * push.stride + place];
         sound = sound && finite(grads.xyz) && finite(grads.w);
     }
     if (!sound) return;
 
-    // What is made a unit vector before it steps has the gradient of that vector: longer by the length.
+    // A vector normalised before it steps takes the gradient of its unit vector: longer by the vector's
+    // length.
     if (any(notEqual(g.quat, vec4(0.0)))) {
         vec4 q = geometry[quad_of(QUAT, place)];
         float norm = to_unit(q);

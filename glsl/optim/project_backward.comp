@@ -1,15 +1,19 @@
 #version 460
-// From intersection records to gradients of a Gaussian's parameters, and the step on them in the same pass.
+// Turns intersection records into gradients of a Gaussian's parameters, and steps on them in the same pass.
 //
 // One thread takes one Gaussian of a page and sums its records, see shared/records.glsl.
 // population, records, first_slot, tile_counts, splat_colours (by Gaussian index), views, geometry, sh, lobes, moments (by place)
 // -> geometry, sh, lobes, moments
-// With ACCUMULATE the gradients are added to planes of their own, bound where the moments are, and nothing else changes: `adam`
-// steps when all views of the step are in. Plane GEOMETRY_PLANES counts the views that blend the Gaussian.
-// With NEWTON steps go by the curvature that records of a loss_probe have told before; those change no parameter.
-// EWA backward as in 3DGS, in the whitened form of docs/design-notes.md; Adam (Kingma 2014), SparseAdam where SPARSE.
-// Limits: a Gaussian whose gradient is not finite is left as it is; where coefficients so large that their product with it is not finite
-// make it so, they alone step. Nothing moves once status says that a step did not fit.
+// With ACCUMULATE the gradients are added to their own planes, bound in place of the moments, and nothing
+// else changes: `adam` steps once all views of the step are in. Plane GEOMETRY_PLANES counts the views that
+// blend the Gaussian.
+// With NEWTON, steps use the curvature estimated from the records of earlier loss_probes; a probe changes no
+// parameter.
+// EWA backward as in 3DGS, in the whitened form of docs/design-notes.md; Adam (Kingma 2014), or SparseAdam
+// with SPARSE.
+// Limits: a Gaussian whose gradient is not finite is not changed. If only the products with very large
+// coefficients make it so, the coefficients alone step. Nothing changes once status says that a step did not
+// fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -19,9 +23,9 @@
 layout(constant_id = 1) const bool COMPENSATE = false;   // as in project
 layout(constant_id = 2) const bool HAS_LOBES = false;    // the segment is the supplement
 layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, colour and lobes are frozen
-layout(constant_id = 4) const bool SPARSE = false;       // leave Gaussians alone that this view does not blend
+layout(constant_id = 4) const bool SPARSE = false;       // skip Gaussians that this view does not blend
 layout(constant_id = 5) const bool ACCUMULATE = false;   // add gradients up, do not step
-layout(constant_id = 7) const bool NEWTON = false;       // steps by curvature, which probes tell
+layout(constant_id = 7) const bool NEWTON = false;       // steps by curvature, estimated by probes
 
 #include "../shared/rates.glsl"
 
@@ -125,8 +129,9 @@ void main() {
         g.opacity = d_opacity * factor * compensation * opacity * sigmoid(-logit); // guard: slope of a high opacity
 
         if (!OPACITY_ONLY) {
-            // A channel clamped at 0 lets through what raises it, or a Gaussian that is black from every camera would stay black. A
-            // probe has no direction: it passes only while nothing is known of the channel's curvature.
+            // A channel clamped at 0 passes gradients that raise it; otherwise a Gaussian that is black from
+            // every camera would stay black. A probe has no sign: it passes only while the channel's
+            // curvature is unknown.
             bvec3 passes = probes() ? equal(known_curvature(place), vec3(0.0)) : lessThan(d_rgb, vec3(0.0));
             d_colour = d_rgb * max(vec3(greaterThan(splat_colours[i], vec3(0.0))), vec3(passes)); // guard: dead colours
 
@@ -174,7 +179,8 @@ void main() {
                     2.0 * z * (d_axes[0][0] + d_axes[1][1]));
             g.quat = (d_unit - q * dot(q, d_unit)) / norm;
 
-            // Nearer by a factor is larger by it, in every direction: the part of z is minus that of all log scales.
+            // A Gaussian nearer by a factor appears larger by it in every direction: the z part is minus the
+            // sum over all log scales.
             float du = l11 * w_u, dv = l12 * w_u + l22 * w_v;
             vec2 d_xy = vec2(du * view.fx, dv * view.fy);
             vec3 d_p = vec3(d_xy, -dot(d_xy, p.xy) * e.inv_z - (g.log_scale.x + g.log_scale.y + g.log_scale.z));
@@ -188,7 +194,7 @@ void main() {
     }
 
     if (OPACITY_ONLY) {
-        // The only plane that learns: it has the first moments.
+        // Its opacity is the only plane that learns, and has the first moments.
         if (!finite(g.opacity)) return; // guard: a base's NaN gradients
         if (!ACCUMULATE) {
             step_opacity(place, g.opacity);
@@ -198,14 +204,14 @@ void main() {
         return;
     }
 
-    // Kheradmand 2024; of all Gaussians, those that the view does not blend too.
+    // Regularisers (Kheradmand 2024) apply to all Gaussians, including those that the view does not blend.
     float of_all = float(all_end - all_first);
     if (push.mean_opacity != 0.0) g.opacity += push.mean_opacity / of_all * opacity * sigmoid(-logit);
     if (push.mean_scale != 0.0) {
         g.log_scale += push.mean_scale / (3.0 * of_all) * scale;
     }
     if (!finite(g) || !finite(d_colour)) return; // guard: NaN gradients
-    // Each coefficient of harmonics is read once: for the gradient by the direction, and for its step.
+    // Reads each coefficient of harmonics once: for the gradient by the direction, and for its step.
     ColourAt at = colour_at(to_mean, place);
     vec3 d_to_mean = vec3(0.0);
     [[unroll]] for (uint group = 0; group < GROUPS; ++group) {

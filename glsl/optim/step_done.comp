@@ -1,5 +1,5 @@
 #version 460
-// Counts a training step, unless the step was left out because a buffer was too small.
+// Counts a training step, unless it was skipped because a buffer was too small.
 //
 // One thread. status -> status
 #extension GL_GOOGLE_include_directive : require

@@ -1,10 +1,14 @@
 #version 460
-// Takes the candidates that nobody has beaten: what they explain of the residual in the views of a page is no longer there for others.
+// Takes the undefeated candidates of a round and marks the part of the residual that they explain in the
+// views of a page, so that others cannot gain it again.
 //
-// One subgroup takes one candidate, a lane one view after the other. gains, beaten -> explained, and with `last` gain_keys: the complement of the gain's bits,
-// which orders by falling gain; NONE for what is not chosen. Of the residual of a pixel it explains share * exp(-d^2 / (2 deviation^2)),
-// where share is what its change of the colour has of the residual, along it, from 0 to MOST. `explained` adds that up in whole numbers,
-// WHOLE for all of a residual, so that the order in which candidates come does not matter; two may explain more than there is.
+// One subgroup takes one candidate, its lanes one view after another. gains, beaten -> explained, and with
+// `last` gain_keys: the complement of the gain's bits, which sorts by falling gain; NONE if the candidate is
+// not chosen.
+// A candidate explains share * exp(-d^2 / (2 deviation^2)) of a pixel's residual. `share` is the part of the
+// residual that its change of the colour covers along the residual, clamped to between 0 and MOST.
+// `explained` adds this up in integers, WHOLE for all of a residual, so that the order of candidates does not
+// matter. Two candidates may explain more than there is.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
@@ -23,8 +27,8 @@ layout(set = 0, binding = 7, scalar) readonly buffer Beaten { uint beaten[]; };
 layout(set = 0, binding = 8, scalar) buffer Explained { uint explained[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer GainKeys { uint gain_keys[]; };
 
-const float MOST = 2.0;    // of a residual: with twice as much as there is, as much is lacking as before
-const float LEAST = 1e-6;  // square of a residual that is none: a quarter of a step of 8 bits
+const float MOST = 2.0;    // shares of a residual: at twice the residual, as much is missing as before
+const float LEAST = 1e-6;  // smallest squared residual that counts: a quarter of a step of 8 bits
 
 void main() {
     uint i = subgroup_index();

@@ -1,9 +1,11 @@
 #version 460
-// A level of a view's pyramid: from its unblurred texels, or from the level below, of which it has every other texel.
+// Computes a level of a view's pyramid: from its unblurred texels, or from the level below, at half its
+// resolution.
 //
-// One thread makes one texel: means, covariance and variance of all pixels under its weights. from_texels -> texels; weights beyond the
-// image count nothing. Five texels across suffice for the first level's deviation of 0.7, eight for the next ones' 1.2124: at least 2.8
-// deviations are within, 0.5 % of the weight beyond.
+// One thread computes one texel: means, covariance and variance of all pixels under its weights. from_texels
+// -> texels. Weights outside the image are left out. Five texels across suffice for the first level's
+// deviation of 0.7, eight for the next ones' 1.2124: both cover at least 2.8 deviations, and 0.5 % of the
+// weight lies beyond.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
@@ -22,7 +24,7 @@ void main() {
     uint i = thread_index();
     if (i >= push.width * push.height) return;
     ivec2 at = ivec2(i % push.width, i / push.width);
-    // The middle of the texel, in those that it is made from, and the first of these.
+    // The texel's centre in source texels, and its first source texel.
     vec2 middle = HALVE ? vec2(2 * at + 1) : vec2(at) + 0.5;
     ivec2 begin = HALVE ? 2 * at - 3 : at - 2;
     int across = HALVE ? 8 : 5;
@@ -34,7 +36,7 @@ void main() {
             vec2 d = (vec2(x, y) + 0.5 - middle) / deviation;
             float weight = exp(-0.5 * dot(d, d));
             Beneath under = unpack_texel(from_texels[push.from_first + uint(y) * push.from_width + uint(x)]);
-            // Second moments, until the means are known.
+            // Raw second moments, until the means are known.
             under.covariance += dot(under.difference, under.render);
             under.variance += dot(under.render, under.render);
             add_texel(sum, weight, under);

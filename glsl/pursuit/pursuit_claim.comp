@@ -1,8 +1,10 @@
 #version 460
-// Candidates claim the cells of CELL * CELL pixels that they would change most in the views of a page; whoever gains most has them.
+// Lets candidates claim the cells of CELL * CELL pixels that they would change most in the views of a page;
+// the largest gain wins a cell.
 //
-// One thread takes one candidate. First claims: gains -> claims (the greatest gain, as bits, which order as numbers do). Then, with
-// CHECK: claims -> beaten, 1 for a candidate that lost one of its cells. Equal gains both win.
+// One thread takes one candidate. The first dispatch claims: gains -> claims (the largest gain, as bits,
+// which order like the numbers). The second, with CHECK: claims -> beaten, 1 for a candidate that lost one of
+// its cells. Equal gains both win.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #include "../shared/common.glsl"
@@ -13,7 +15,7 @@ layout(constant_id = 1) const bool CHECK = false;
 layout(push_constant, scalar) uniform Push {
     uint count;
     uint view_first, view_end;
-    uint begin; // 1: nobody is beaten yet
+    uint begin; // 1: no candidate is beaten yet
 } push;
 
 layout(set = 0, binding = 4, scalar) readonly buffer Fits { Fit fits[]; };

@@ -1,10 +1,11 @@
 #version 460
-// Draws pixels of all views in proportion to their squared error, one from each of as many equal parts of the whole, and puts a
-// candidate on the surface that the base shows at each.
+// Draws pixels of all views in proportion to their squared error, by stratified sampling, and places a
+// candidate on the base's surface at each.
 //
-// One thread makes one candidate, where the block that it falls into is of this page; others are left as they are. quanta, their
-// prefix sum quanta_firsts and its total, error_sums, errors, surface_depths -> candidates. A part that is less than a quantum and a
-// block whose errors are 0 give none. Two draws of one pixel are neighbours; pursuit_fit drops the second.
+// The total is cut into `count` equal parts, with one draw from each. One thread makes one candidate if its
+// block is in this page, and leaves the others unchanged. quanta, their prefix sum quanta_firsts and its
+// total, error_sums, errors, surface_depths -> candidates. A part smaller than a quantum and a block whose
+// errors are 0 give no candidate. Two draws of one pixel are neighbours; pursuit_fit drops the second.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
@@ -66,7 +67,7 @@ void main() {
     View view = views[v];
     Plot plot = plots[v];
     uint first = (low - plot.block_first) * ERROR_BLOCK, last = min(first + ERROR_BLOCK, view.width * view.height);
-    // The pixel where the errors, added up in order, pass the same share of the block's sum.
+    // The pixel at which the running sum of errors passes the same share of the block's sum.
     float wanted = (float(into) + 0.5) / float(quanta[low]) * error_sums[low], sum = 0.0;
     uint pixel = NONE;
     for (uint p = first; p < last && !(sum > wanted); ++p) {

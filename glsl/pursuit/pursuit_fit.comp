@@ -1,12 +1,13 @@
 #version 460
-// The size, lobe width, opacity and colour of each candidate that gain most over all views.
+// Finds the size, lobe width, opacity and colour of each candidate with the largest gain over all views.
 //
-// One thread takes one candidate. sums, candidates -> fits, prices. The gain (see pursuit_score) is concave in the colour and in the opacity
-// alone, so each is set in turn to its best: colour (A / o + B) / C within 0 to 1, opacity (c.A - D) / (E - 2 c.B + |c|^2 C) within
-// OPACITY_MIN and OPACITY_MAX, ROUNDS times. What a lobe and what a plain Gaussian gains is compared by worth, gain over bytes, and less
-// its standard error: that of a sum over views which gain in proportion to a l^2. What the best plain one gains is kept beside, for
-// the plan.
-// prices: what each would take of a budget.
+// One thread takes one candidate. sums, candidates -> fits, prices. The gain (see pursuit_score) is concave
+// in the colour and in the opacity alone, so each in turn is set to its optimum, ROUNDS times: colour (A / o
+// + B) / C within 0 to 1, opacity (c.A - D) / (E - 2 c.B + |c|^2 C) within OPACITY_MIN and OPACITY_MAX.
+// A fit with a lobe and a plain one are compared by worth, gain over bytes, less `doubt` standard errors:
+// that of a sum over views whose gains are proportional to a l^2. The gain of the best plain fit is stored
+// too, for the plan of sizes.
+// prices: what each would cost of a budget.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
@@ -15,9 +16,9 @@ layout(push_constant, scalar) uniform Push {
     uint first, count;
     uint sizes;
     float first_size, size_ratio;
-    float lobe_worth, plain_worth; // what a gain counts with a lobe and without; 0: not to be tried
+    float lobe_worth, plain_worth; // factor of a gain with a lobe and without; 0: do not try
     uint lobe_price, plain_price;
-    float doubt; // standard errors that a gain counts less
+    float doubt; // standard errors subtracted from a gain
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Candidates { Candidate candidates[]; };

@@ -1,10 +1,11 @@
 #version 460
-// What every candidate that is not chosen yet gains in the views of a page, given what the choices so far have explained there.
+// Computes the gain of every candidate not yet chosen in the views of a page, given the part of the residual
+// that earlier choices explain.
 //
-// One thread takes one candidate. views, plots, surface_depths, texels, explained, candidates, fits, gain_keys -> gains and their squares
-// by view, which are added to; with `last` the gain is less its standard error, times `doubt`, as far as the views tell it: the root of
-// the sum of squares. See pursuit_score; of the residual there is what is left by now, which is less than nothing where too much was
-// explained.
+// One thread takes one candidate. views, plots, surface_depths, texels, explained, candidates, fits,
+// gain_keys -> gains and their squares by view, which are added to. With `last`, `doubt` times the standard
+// error is subtracted; its estimate from the views is the root of the sum of squares. See pursuit_score for
+// the gain; the residual here is the part still unexplained, which is negative if too much was explained.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
@@ -14,7 +15,7 @@
 layout(push_constant, scalar) uniform Push {
     uint count;
     uint view_first, view_end;
-    uint begin; // 1: the gains begin at 0
+    uint begin; // 1: the gains start at 0
     uint last;  // 1: this is the last page
     float caution;
     float doubt;
@@ -45,7 +46,8 @@ void main() {
             vec3 r = 2.0 * left * under.difference, after = r - alpha * (fit.colour - under.render);
             float area = PI * deviation * deviation, l = alpha / fit.opacity;
             float hidden = alpha * (4.0 * left * under.covariance + alpha * under.variance);
-            // What is left with the colour that the other views ask for; where there are none, they predict nothing.
+            // The residual left with the colour that the other views ask for (leave-one-out); without other
+            // views there is no prediction.
             float others = 1.0 - push.caution * area * l * l / fit.support;
             float here = dot(r, r) - dot(after, after) / (others * others) - hidden;
             if (!(others > 0.01)) here = min(dot(r, r) - dot(after, after) - hidden, 0.0);

@@ -1,8 +1,11 @@
 #version 460
-// The candidates that were chosen, the greatest gain first, as Gaussians: those with a lobe for the supplement, the others for the base.
+// Turns the chosen candidates into Gaussians, largest gain first: those with a lobe for the supplement, the
+// others for the base.
 //
-// One thread takes one rank. order (candidates by falling gain; kept[kept_index] of them), candidates, fits, gain_keys -> lifts and flags of each kind; an
-// entry that is none has flag 0. Ends at `most` Gaussians, at gains below `least_gain`, and where what is before (spent, by rank) and the
+// One thread takes one rank. order (candidates by falling gain; kept[kept_index] entries), candidates, fits,
+// gain_keys -> lifts and flags of each kind, 0 if the rank is not used. Stops at `most` Gaussians, at gains
+// below `least_gain`, and if the price of earlier ranks (spent, by rank) plus the candidate's own exceeds
+// `budget`.
 // candidate's own price are more than `budget`.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
@@ -11,9 +14,9 @@
 #include "../shared/saturate.glsl"
 
 layout(push_constant, scalar) uniform Push {
-    uint count; // of ranks
-    uint most;  // of Gaussians
-    uint budget; // NONE: any
+    uint count; // ranks
+    uint most;  // maximum number of Gaussians
+    uint budget; // NONE: no limit
     uint kept_index;
     float least_gain;
 } push;

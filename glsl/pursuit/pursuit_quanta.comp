@@ -1,8 +1,9 @@
 #version 460
-// Each block's share of the squared error as a whole number, so that pixels can be drawn by an exact prefix sum.
+// Converts each block's share of the squared error to an integer, so that pixels can be drawn by an exact
+// prefix sum.
 //
-// One workgroup does it all: error_sums -> quanta, floor(2^30 * sum / total), at most 2^30; all 0 where the total is 0 or not finite.
-// Sums go thread by thread in the order of the blocks, then over subgroups: always the same order.
+// One workgroup: error_sums -> quanta, floor(2^30 * sum / total), at most 2^30; all 0 if the total is 0 or
+// not finite. Each thread sums its blocks in order, then subgroups are summed: the order is always the same.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/unit.glsl"

@@ -1,10 +1,12 @@
 #version 460
-// What a view's render lacks of its photograph: the texels that the pyramid is blurred from, and the errors that pixels are drawn by.
+// Compares a view's render with its photograph: writes the unblurred texels of the pyramid and the errors by
+// which pixels are drawn.
 //
-// One subgroup takes a block of ERROR_BLOCK pixels. image, targets, depths -> texels (unblurred), errors, error_sums and squares by block,
-// explained
-// The error of a pixel is the square of its mean absolute difference; 0 where it does not count (alpha 0 in `targets`), has no depth, or
-// is not finite. squares has the squared error over channels of all that counts, seen or not. Renders are clamped to 0..1. explained, see pursuit_attenuate, becomes 0.
+// One subgroup takes a block of ERROR_BLOCK pixels. image, targets, depths -> texels (unblurred), errors,
+// error_sums and squares by block, explained (set to 0, see pursuit_attenuate)
+// The error of a pixel is the square of its mean absolute difference. It is 0 if the pixel does not count
+// (alpha 0 in `targets`), has no depth, or is not finite. `squares` has the squared error over channels of
+// all pixels that count, with a depth or without. Renders are clamped to 0..1.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"

@@ -1,15 +1,16 @@
 #version 460
-// What every candidate would meet in the views of a page: the sums from which its best colour, opacity and gain follow for each size
-// and lobe width.
+// Sums over the views of a page from which each candidate's best colour, opacity and gain follow, for each
+// size and lobe width.
 //
-// One thread takes one candidate and one size. views, plots, surface_depths, texels, candidates -> sums, which are added to: plane
-// (width * SUMS + s) of item candidate * sizes + size. A page goes on where the one before ended, so pages change no rounding.
+// One thread takes one candidate and one size. views, plots, surface_depths, texels, candidates -> sums,
+// which are added to: plane (width * SUMS + s) of item candidate * sizes + size. A page continues the sums of
+// the page before, so the split into pages changes no rounding.
 // With r photograph minus render, b the render, l the lobe's factor and q = exp(-d^2 / 2 s^2) the footprint, an opacity o and colour c
 // change the squared error of a view by -S (|r|^2 - |r - o l q (c - b)|^2) over its pixels. With a = pi s^2 and <x> the mean of x under q,
 // S q x = 2 a <x>, and S q^2 x = a <x> as far as the mean under q^2 is the same. Summed over the views that see it the gain is
 // 2 c.(o A + o^2 B) - |c|^2 o^2 C - 2 o D - o^2 E with A = S 2 a l <r>, B = S a l^2 <b>, C = S a l^2, D = S 2 a l <r.b>,
-// E = S a l^2 <|b|^2>. The means of products are what tells of the texture that a footprint hides. A tenth sum, S (a l^2)^2, says by how
-// many views that is borne.
+// E = S a l^2 <|b|^2>. The means of products account for the texture that a footprint hides. A tenth sum, S (a l^2)^2, tells over how
+// many views the gain is spread.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
@@ -19,9 +20,9 @@
 layout(push_constant, scalar) uniform Push {
     uint first, count; // candidates
     uint sizes;
-    float first_size, size_ratio; // px of the view that a candidate was drawn in
+    float first_size, size_ratio; // px, in the view that a candidate was drawn in
     uint view_first, view_end;
-    uint begin; // 1: the sums begin at 0
+    uint begin; // 1: the sums start at 0
 } push;
 
 layout(set = 0, binding = 5, scalar) buffer Sums { float sums[]; };

@@ -4,7 +4,8 @@
 // One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
 // tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours or packed_splats, depth_keys, scene_depths, tile_list,
 // tile_list_count -> image (rgb with background, transmittance), median_ids
-// Kerbl 2023, section 4; a pixel takes a Gaussian exactly where alpha >= 1/255 and stops before transmittance falls below 1e-4.
+// Kerbl 2023, section 4. A pixel takes a Gaussian if and only if alpha >= 1/255, and stops before
+// transmittance falls below 1e-4.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/unit.glsl"
@@ -15,8 +16,8 @@
 #include "../shared/slots.glsl"
 
 layout(constant_id = 5) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
-layout(constant_id = 6) const bool MEDIAN = false;           // also note the Gaussian of median depth
-layout(constant_id = 7) const bool OCCLUDED = false;         // what lies behind `scene_depths` is not seen
+layout(constant_id = 6) const bool MEDIAN = false;           // also record the Gaussian of median depth
+layout(constant_id = 7) const bool OCCLUDED = false;         // splats behind `scene_depths` are hidden
 layout(constant_id = 8) const bool DIRECT = false;           // `isect_slots` holds Gaussian indices, not slots
 layout(constant_id = 9) const bool PACKED_SPLATS = false;
 
@@ -46,8 +47,8 @@ layout(set = 0, binding = 12, scalar) readonly buffer PackedSplats { PackedSplat
 layout(set = 0, binding = 13, scalar) readonly buffer TileList { uint tile_list[]; };
 layout(set = 0, binding = 14, scalar) readonly buffer TileListCount { uint tile_list_count[]; };
 
-// Camera z of what a mesh left in the depth buffer; the farthest where it left nothing: there is what the buffer is cleared to, wherever
-// the far plane is (or nonsense).
+// Camera z of the mesh surface in the depth buffer. FLOAT_MAX if there is none: the buffer then has its clear
+// value, at any far plane (or a nonsensical one).
 float occluder(uint at) {
     float d = scene_depths[at], z = push.depth_form.y / (d - push.depth_form.x);
     bool something = push.depth_form.y < 0.0 ? d < 1.0 : d > 0.0;
@@ -55,9 +56,9 @@ float occluder(uint at) {
 }
 
 // The pixels of this lane.
-float x;       // of their centres
-uint corner_y; // where the tile begins
-float T[PIXELS]; // below 0, and so without its sign, where the pixel is finished
+float x;       // of the pixels' centres
+uint corner_y; // first row of the tile
+float T[PIXELS]; // negative if the pixel is finished; transmittance is the absolute value
 vec3 colour[PIXELS];
 uint median[PIXELS];
 float farthest[PIXELS]; // camera z
@@ -78,9 +79,9 @@ void take(uint j) {
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
         float dy = float(corner_y + lane_y(k)) + 0.5 - centre.y;
         Response e = respond(u0, shape.y, shape.z, dy, shape.w);
-        // All that comes later is farther still.
+        // All later splats are farther still.
         if (OCCLUDED && z > farthest[k]) T[k] = -abs(T[k]);
-        // Chosen, not branched to, as there is little to pass over.
+        // Selected instead of branched on: a branch would skip little.
         precise float next = T[k] * (1.0 - e.alpha);
         bool met = e.alpha >= ALPHA_MIN; // guard: α from 1/255 on
         bool taken = met && next >= T_MIN;
@@ -120,7 +121,7 @@ void main() {
         [[unroll]] for (uint k = 1; k < PIXELS; ++k) most = max(most, T[k]);
         if (subgroupAll(most < 0.0)) break;
         uint mine = first + gl_SubgroupInvocationID;
-        // Of no opacity where there is none: no pixel takes it.
+        // Lanes beyond the range have opacity 0: no pixel takes them.
         own = Splat(vec4(0.0), vec2(0.0));
         tint = vec3(0.0);
         depth = 0.0;

@@ -3,7 +3,8 @@
 //
 // See shared/backward.glsl. project_backward, screen_backward and density_score sum a Gaussian's records.
 // tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, image, image_grad, population, tile_list,
-// tile_list_count -> records (by slot), which begin at 0: in three buffers, or with PACKED_RECORDS in words. What SCORES ask for is not packed: two floats in the first words.
+// tile_list_count -> records (by slot), which start at 0: in three buffers, or with PACKED_RECORDS in words.
+// Records of SCORES are not packed: two floats in the first words.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/backward.glsl"
 #include "../shared/packed_record.glsl"

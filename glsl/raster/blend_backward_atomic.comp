@@ -1,9 +1,10 @@
 #version 460
-// Gradients of the blended image, one record for each Gaussian: for scenes whose records by intersection find no room.
+// Gradients of the blended image, one record for each Gaussian: for scenes whose records by intersection do
+// not fit.
 //
 // See shared/backward.glsl. The tiles of a Gaussian add up in any order, so two runs differ in the last bits.
 // tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours, image, image_grad, population, tile_list,
-// tile_list_count -> records (by Gaussian), to which it adds. Needs shaderBufferFloat32AtomicAdd.
+// tile_list_count -> records (by Gaussian), which are added to. Needs shaderBufferFloat32AtomicAdd.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_atomic_float : require
 #include "../shared/backward.glsl"

@@ -1,14 +1,16 @@
 #version 460
-// Lists the tiles of every visible splat, splats in depth order: a Gaussian's slots are contiguous.
+// Lists the tiles of every visible splat in depth order; a Gaussian's slots are contiguous.
 //
-// One lane takes one splat; a splat of more than BIG tile rows is taken by its whole subgroup, a lane to a row, so that a
-// Gaussian filling the screen does not hold its neighbours up.
-// global_from_rank, splats or packed_splats, rank_first_slot, tile_counts -> isect_tiles and, where DIRECT, isect_globals (by slot), else rank_blocks, which
-// begin at 0 (shared/slots.glsl), and first_slot (by Gaussian index), where its gradient's records will be
-// A splat has exactly as many slots as projection counted, whatever is found here: a tile more than counted is left out, and for
-// each tile fewer a slot gets the tile NONE, which the sort drops. The two come from one arithmetic (shared/splat.glsl), but a tile
-// of difference must not lie in a neighbour's slot.
-// Limits: llvmpipe: images of up to 3840 x 2160, see UNROLL. What would lie beyond `capacity` is not written; `dispatch_args` has raised the overflow flag by then.
+// One lane takes one splat. A splat of more than BIG tile rows is taken by its whole subgroup, one row to a
+// lane, so that a Gaussian that fills the screen does not hold up its neighbours.
+// global_from_rank, splats or packed_splats, rank_first_slot, tile_counts -> isect_tiles and, with DIRECT,
+// isect_globals (by slot). Without DIRECT instead: rank_blocks, which start at 0 (shared/slots.glsl), and
+// first_slot (by Gaussian index), the first index of its gradient's records.
+// A splat has exactly the number of slots that projection counted. If emit finds more tiles, the surplus is
+// dropped; if it finds fewer, each remaining slot gets the tile NONE, which the sort drops. Both kernels use
+// the same arithmetic (shared/splat.glsl), but even one extra tile must not land in a neighbour's slot.
+// Limits: on llvmpipe, images of up to 3840 x 2160, see UNROLL. Slots beyond `capacity` are not written;
+// `dispatch_args` has raised the overflow flag by then.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/splat.glsl"
@@ -18,7 +20,7 @@
 
 layout(constant_id = 1) const uint TILE_WIDTH = 8;
 layout(constant_id = 2) const uint TILE_HEIGHT = 8;
-layout(constant_id = 3) const bool BATCH = false;  // splats of many frames at once, splat_frames says which
+layout(constant_id = 3) const bool BATCH = false;  // splats of many frames at once; splat_frames has each one's frame
 layout(constant_id = 4) const bool DIRECT = false; // Gaussian indices are sorted, not slots
 layout(constant_id = 5) const bool PACKED_SPLATS = false;
 
@@ -27,7 +29,7 @@ layout(push_constant, scalar) uniform Push {
     uint tiles_x;         // tiles in a row of each frame's grid
     uint tiles_per_frame;
     uint capacity;        // slots
-    uint count_index; // where count holds the number of visible splats
+    uint count_index; // index in count of the number of visible splats
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
@@ -44,11 +46,13 @@ layout(set = 0, binding = 10, scalar) writeonly buffer FirstSlot { uint first_sl
 layout(set = 0, binding = 11, scalar) readonly buffer PackedSplats { PackedSplat packed_splats[]; };
 
 const int BIG = 8;
-// llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together. 8 lanes with splats that fill an image of
-// 3840 x 2160 (270 rows of 480 tiles, 34 rows to a lane) would make 130,560 with one slot an iteration.
+// llvmpipe silently ends a kernel's loops after 65,535 iterations of all its loops together. 8 lanes with
+// splats that fill an image of 3840 x 2160 (270 rows of 480 tiles, 34 rows to a lane) would make 130,560 with
+// one slot an iteration.
 const uint UNROLL = 4; // guard: emit: several slots an iteration
 
-// The tiles of one row, from place `at` of the splat's `room` slots on, the first of which is `slot`.
+// Writes the tiles of one row to the splat's slots. `slot` is the first of its `room` slots, `at` the row's
+// offset in them.
 void put(uint global, uint frame, ivec2 span, int row, uint slot, uint room, uint at) {
     uint row_first = frame * push.tiles_per_frame + uint(row) * push.tiles_x;
     for (int first = span.x; first <= span.y; first += int(UNROLL), at += UNROLL) {
@@ -61,8 +65,8 @@ void put(uint global, uint frame, ivec2 span, int row, uint slot, uint room, uin
     }
 }
 
-// That `room` slots from `slot` on are of `rank`: of the blocks that begin there, one in `stride` from the one with number `at` on.
-// By atomics, as the bits beside them.
+// Records that the `room` slots from `slot` on belong to `rank`, in every stride-th block that begins there,
+// from number `at` on. Uses atomics, as do the bits next to them.
 void claim(uint rank, uint slot, uint room, uint at, uint stride) {
     if (DIRECT) return;
     uint first = (slot + SLOTS_PER_BLOCK - 1) / SLOTS_PER_BLOCK, end = (slot + room + SLOTS_PER_BLOCK - 1) / SLOTS_PER_BLOCK;

@@ -1,13 +1,14 @@
 #version 460
 // Depth of each pixel from the Gaussian of median transmittance.
 //
-// One thread takes one pixel; a dispatch takes those whose Gaussian is of one page, that of the first page also those without.
-// median_ids, population, geometry, views -> depths (camera z; 0 where there is none)
+// One thread takes one pixel. A dispatch takes the pixels whose Gaussian is in one page; that of the first
+// page also takes those without.
+// median_ids, population, geometry, views -> depths (camera z; 0 if none)
 // Method, section 4: z of the point of maximum response along the pixel's ray, in the Gaussian's own frame:
-// z = -(o.d)/(d.d) with o = S^-1 R^T (eye - mean), d = S^-1 R^T ray; both are multiplied by the smallest scale, so that
-// thin Gaussians overflow nothing. Of a model that stands in a world scaled, the ray counts in the model's units and the view's rows
-// have the scale once more, so that its point is at camera z scale^2 times z.
-// Limits: a point that is not in front of the near plane falls back to the centre's z.
+// z = -(o.d)/(d.d) with o = S^-1 R^T (eye - mean), d = S^-1 R^T ray. Both are multiplied by the smallest
+// scale, so that thin Gaussians cause no overflow. If a model is scaled in the world, the ray is in the
+// model's units and the view's rows contain the scale once more, so its point is at camera z scale^2 times z.
+// Limits: if the point is not in front of the near plane, falls back to the centre's z.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -21,8 +22,8 @@ layout(push_constant, scalar) uniform Push {
     uint page_first;  // number in the segment of the page's first Gaussian
     uint stride;      // the page's capacity
     uint view;
-    uint depth_first; // where this view's depths begin
-    uint splat_first; // Gaussian index of the model's first
+    uint depth_first; // first index of this view's depths
+    uint splat_first; // Gaussian index of the model's first Gaussian
     float scale;      // of the model in the world
 } push;
 
@@ -63,7 +64,7 @@ void main() {
         load_form(place, q, log_scale);
         // guard: flat Gaussians' depth
         vec3 inverse = exp(min(log_scale.x, min(log_scale.y, log_scale.z)) - log_scale);
-        to_unit(q); // no median Gaussian is without a rotation: it was projected
+        to_unit(q); // a median Gaussian has a rotation, since it was projected
         vec3 o = inverse * unrotate(q, view.eye - mean), d = inverse * unrotate(q, ray);
         float best = -dot(o, d) / dot(d, d) * (push.scale * push.scale); // guard: depth of a scaled model
         if (best > view.near && best <= FLOAT_MAX) z = best; // guard: depth before the near plane

@@ -1,10 +1,11 @@
 #version 460
-// Projects Gaussians into one view: culls, makes splats, depth keys and tile counts.
+// Projects Gaussians into one view: culls them and writes splats, depth keys and tile counts.
 //
 // One thread takes one Gaussian of a page.
 // population, geometry, sh, lobes (by place), views -> splats, splat_colours or packed_splats, depth_keys, tile_counts (by Gaussian index)
 // EWA splatting (Zwicker 2001) as in 3DGS (Kerbl 2023); opacity lobe of AuGS (2026), section 1 of the method.
-// Limits: culled where camera z is not beyond the view's near plane, opacity < 1/255, no pixel centre is reached, or anything is NaN.
+// Limits: culled if camera z is not beyond the view's near plane, opacity < 1/255, no pixel centre is
+// reached, or any value is NaN.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/population.glsl"
@@ -23,7 +24,7 @@ layout(push_constant, scalar) uniform Push {
     uint page_first; // number in the segment of the page's first Gaussian
     uint stride;     // the page's capacity
     uint view;       // index in views
-    uint splat_first; // Gaussian index of the model's first: several models may lie in one order
+    uint splat_first; // Gaussian index of the model's first Gaussian: several models can share one order
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Population { uint segment_first[]; };
@@ -44,7 +45,7 @@ layout(set = 0, binding = 9, scalar) writeonly buffer PackedSplats { PackedSplat
 #include "../shared/colour.glsl"
 
 void main() {
-    View view = views[push.view]; // one for all threads: read before any of them goes its own way, a CPU reads it once
+    View view = views[push.view]; // the same for all threads: read before they diverge, so that a CPU reads it once
     uint place = thread_index();
     uint i = segment_first[push.segment] + push.page_first + place; // Gaussian index in the model
     if (place >= push.stride || i >= segment_first[push.segment + 1]) return;
@@ -62,7 +63,7 @@ void main() {
                               normalize(view.eye - mean));
         opacity *= lobe.factor;
     }
-    // exp(NaN) may be a number, so the logit itself is tested, and the log scale below.
+    // exp(NaN) may be a number, so test the logit itself, and the log scale below.
     if (!(opacity >= ALPHA_MIN && logit >= -FLOAT_MAX)) return;
 
     vec4 q;
@@ -76,7 +77,7 @@ void main() {
         if (!(opacity >= ALPHA_MIN)) return;
     }
 
-    precise Splat s; // emit, which reads it from memory, must see what is counted here
+    precise Splat s; // precise: emit reads it from memory and must see the value counted here
     float a = e.a + DILATION, c = e.c + DILATION;
     s.shape.z = inversesqrt(c);
     s.shape.x = sqrt(c / e.det);

@@ -1,17 +1,18 @@
 #version 460
-// Turns a rendered view into the texels of a caller's image.
+// Converts a rendered view to the texels of a caller's image.
 //
 // One thread takes one pixel.
-// image, depths, target (what the caller's image holds, for OVER) -> target, depth_target
-// Depths are what a depth buffer can hold, 0 to 1, and where there is no Gaussian what it is cleared to: that of the far plane.
-// Gaussians are trained and blended in sRGB-encoded values (Kerbl 2023); what is over something is put over it there, and only then
-// made linear, as a linear target asks for. Exposure is of the Gaussians alone, whatever lies behind them. sRGB: IEC 61966-2-1, its curve
-// going on above 1.
+// image, depths, target (the caller's image, read for OVER) -> target, depth_target
+// Depths are in a depth buffer's range, 0 to 1; pixels without a Gaussian get the clear value, the far
+// plane's depth.
+// Gaussians are trained and blended in sRGB-encoded values (Kerbl 2023). So OVER also blends in encoded
+// values, and a linear target is converted afterwards. Exposure applies to the Gaussians only, not to what
+// lies behind them. sRGB: IEC 61966-2-1, its curve extended above 1.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/resolve.glsl"
 
-layout(constant_id = 1) const bool CURVES = true; // of sRGB, which linear light and exposures need and most of the time goes into
+layout(constant_id = 1) const bool CURVES = true; // sRGB curves, needed for linear light and exposures; most of the time goes into them
 
 layout(push_constant, scalar) uniform Push {
     uint pixels;
@@ -19,9 +20,9 @@ layout(push_constant, scalar) uniform Push {
     uint blend;      // OPAQUE, ...
     uint linear;     // with CURVES, 1: the target holds linear light; 0: sRGB-encoded values
     uint depth;      // 1: depth_target is wanted
-    float exposure;  // factor of the Gaussians' linear light; without CURVES 1
-    vec2 depth_form; // a camera z goes to depth x + y / z
-    vec3 background; // rgb, of OPAQUE; where nothing is exposed the image has it in it already
+    float exposure;  // factor of the Gaussians' linear light; 1 without CURVES
+    vec2 depth_form; // camera z becomes depth x + y / z
+    vec3 background; // rgb, for OPAQUE; if exposure is 1 the image already includes it
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Image { vec4 image[]; };
@@ -69,9 +70,9 @@ void main() {
         depth_target[pixel] = z > 0.0 ? clamp(push.depth_form.x + push.depth_form.y / z, 0.0, 1.0) : empty;
     }
     vec4 rendered = image[pixel]; // rgb, and transmittance
-    bool whole = push.blend == OPAQUE && push.exposure == 1.0; // over its background, else over black
+    bool whole = push.blend == OPAQUE && push.exposure == 1.0; // the image is over its background, else over black
     float T = rendered.a, alpha = whole ? 1.0 : 1.0 - T;
-    // The colour as it is, not yet weighed by alpha.
+    // The colour before multiplication by alpha.
     vec3 straight = alpha > 0.0 ? rendered.rgb / alpha : vec3(0.0);
     if (CURVES && push.exposure != 1.0) straight = to_encoded(push.exposure * to_linear(straight));
     bool linear = CURVES && push.linear != 0;

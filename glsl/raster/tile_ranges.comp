@@ -1,18 +1,21 @@
 #version 460
-// Finds where each tile's intersections begin and end in the sorted list.
+// Finds each tile's range of intersections in the sorted list.
 //
-// One thread takes one tile and halves the list: some 20 reads, where a thread for each intersection would read the whole list.
-// count, isect_tiles -> tile_ranges; of a tile without intersections both are where they would be
-// With LISTED also tile_list, of those that blending would change, and their number, which must be 0 before: tiles with intersections,
-// and those whose pixels still show some. tile_drawn remembers these; the old range cannot, its end is another thread's to write.
-// Limits: the order of the list differs from run to run; what is made from it does not.
+// One thread takes one tile and bisects the list: some 20 reads. A thread for each intersection would read
+// the whole list.
+// count, isect_tiles -> tile_ranges; for a tile without intersections both ends are the position where they
+// would be
+// With LISTED also tile_list, the tiles that blending would change, and their number, which must be 0 before:
+// tiles with intersections, and tiles whose pixels still show some. tile_drawn records these. The old range
+// cannot, since another thread writes its end.
+// Limits: the order of the list differs from run to run; the results do not.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 
 layout(constant_id = 1) const bool LISTED = false;
 
 layout(push_constant, scalar) uniform Push {
-    uint count_index; // where count holds the number of intersections
+    uint count_index; // index in count of the number of intersections
     uint tile_count;
 } push;
 

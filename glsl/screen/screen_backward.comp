@@ -1,19 +1,21 @@
 #version 460
-// From intersection records to gradients of 2D Gaussians, and the Adam step on them in the same pass.
+// Turns intersection records into gradients of 2D Gaussians, and takes the Adam step on them in the same
+// pass.
 //
 // One thread takes one slot and sums its records, see shared/records.glsl.
 // records, first_slot, tile_counts, screen_frames, screen_states, frames -> screen_planes, screen_ages, screen_moments
-// With GRADIENTS it writes the gradients to the first moments' planes instead and changes nothing else.
-// Rates and clamps: method, section 3. Adam (Kingma 2014) with bias correction by the steps of each Gaussian's own life, as
-// new ones come in with moments of zero.
-// Limits: a Gaussian whose gradient is not finite is left as it is. Nothing moves once status says that a step did not fit.
+// With GRADIENTS it writes the gradients to the planes of the first moments instead and changes nothing else.
+// Rates and clamps: method, section 3. Adam (Kingma 2014); the bias correction counts each Gaussian's own
+// steps, as new ones start with moments of zero.
+// Limits: a Gaussian whose gradient is not finite is not changed. Nothing changes once status says that a
+// step did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/frame.glsl"
 #include "../shared/status.glsl"
 #include "../shared/screen.glsl"
 
-layout(constant_id = 1) const bool GRADIENTS = false; // write gradients, do not step
+layout(constant_id = 1) const bool GRADIENTS = false; // write gradients instead of stepping
 
 layout(push_constant, scalar) uniform Push {
     uint count;  // slots
@@ -39,11 +41,12 @@ const float RATE_CENTRE = 0.001; // times the mean of width and height
 const float RATE_COLOUR = 0.01, RATE_LOGIT = 0.02, RATE_LOG_SCALE = 0.001, RATE_ANGLE = 0.02;
 const float BETA1 = 0.9, EPSILON = 1e-15;
 const float BETA2 = 0.999, LOG_BETA1 = -0.105360515657826, LOG_BETA2 = -0.00100050033358353;
-const float GRADIENT_MAX = 1e17; // its square, with the correction of 1000, is within float32
+const float GRADIENT_MAX = 1e17; // its square, times the correction of 1000, is within float32
 
 float at(uint p, uint i) { return screen_planes[p * push.stride + i]; }
 
-// 1 - exp(x) for x <= 0: near 0 by its series (the next term is below 1e-7 of the sum), where 1 - exp(x) keeps few digits.
+// 1 - exp(x) for x <= 0: near 0 by a series (the next term is below 1e-7 of the sum), since 1 - exp(x) keeps
+// few digits there.
 float one_minus_exp(float x) {
     return x > -0.1 ? -x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0 + x / 120.0)))) : 1.0 - exp(x);
 }
@@ -55,12 +58,12 @@ void step_one(uint p, uint i, float g, float rate, float c1, float c2, float lo,
         return;
     }
     g = clamp(g, -GRADIENT_MAX, GRADIENT_MAX); // guard: 2D: gradients above 1e17
-    // Not by mix(), see mean_with() of adam_one.glsl.
+    // Not mix(), see mean_with() of adam_one.glsl.
     float m = (1.0 - BETA1) * g + BETA1 * screen_moments[first], v = (1.0 - BETA2) * g * g + BETA2 * screen_moments[second];
     screen_moments[first] = m;
     screen_moments[second] = v;
     float moved = at(p, i) - rate * (m / c1) / (sqrt(v / c2) + EPSILON);
-    // The ellipse is the same after half a turn; kept near 0, where sine and cosine are exact.
+    // The ellipse is the same after half a turn; the angle is kept near 0, so that sine and cosine are exact.
     if (p == ANGLE) moved -= PI * round(moved / PI); // guard: 2D: angles near 0
     screen_planes[p * push.stride + i] = clamp(moved, lo, hi); // guard: 2D: bounds of a step
 }
@@ -98,7 +101,8 @@ void main() {
     vec2 q = vec2(e.l12 * e.cosine - e.l11 * e.sine, e.l22 * e.cosine);
     vec2 wp = vec2(ww.x * p.x + ww.y * p.y, ww.y * p.x + ww.z * p.y);
     vec2 wq = vec2(ww.x * q.x + ww.y * q.y, ww.y * q.x + ww.z * q.y);
-    // The compensation is a product of sqrt(v / (v + 0.3)): its logarithm grows by 0.3 / (v + 0.3) with each log scale.
+    // The compensation is a product of sqrt(v / (v + 0.3)): its logarithm grows by 0.3 / (v + 0.3) with each
+    // log scale.
     vec2 growth = d_opacity * sigma * e.compensation * DILATION / (e.variance + DILATION);
     g[LOG_SCALE] = e.variance.x * dot(p, wp) + growth.x;
     g[LOG_SCALE + 1] = e.variance.y * dot(q, wq) + growth.y;

@@ -1,17 +1,19 @@
 #version 460
-// Draws pixels of each view where its loss is high, and puts a new 2D Gaussian on each.
+// Draws pixels with high loss in each view, and places a new 2D Gaussian on each.
 //
-// One workgroup takes one view of the batch. Drawn without replacement with probability in proportion to the squared loss of
-// the pixel: the m smallest of the keys -ln(u) / loss^2 (Efraimidis and Spirakis, "Weighted random sampling with a reservoir",
-// 2006), u a hash of (seed, view, round, pixel). The m-th key is found digit by digit from histograms of its bits, so nothing
-// is sorted; among equal keys the first pixels win. Drawn pixels in ascending order go to empty slots in ascending order, so
-// every run gives the same.
-// m = min(max(1, round(budget / 5)), empty slots, pixels that can be drawn). (The method's round(0.2 n) is 0 for n < 3, and
-// such a view would never get its Gaussians.)
-// loss_map, image, quotas, frames, screen_frames -> screen_planes, screen_frames, screen_ages, screen_moments, screen_states; drawn_pixels is scratch
-// A view whose draw fills its budget has one more round, and waits after it.
-// Limits: a pixel with a loss outside 1e-18..1e18 (whose square float32 cannot hold), or NaN, is never drawn. Nothing
-// happens once status says that a step did not fit.
+// One workgroup takes one view of the batch. Pixels are drawn without replacement, with probability in
+// proportion to their squared loss: the m smallest of the keys -ln(u) / loss^2 (Efraimidis and Spirakis,
+// "Weighted random sampling with a reservoir", 2006), u a hash of (seed, view, round, pixel). The m-th key is
+// found digit by digit from histograms of its bits, so nothing is sorted; among equal keys the first pixels
+// win. Drawn pixels in ascending order go to empty slots in ascending order, so every run gives the same
+// result.
+// m = min(max(1, round(budget / 5)), empty slots, pixels that can be drawn). (The method's round(0.2 n) is 0
+// for n < 3, and such a view would never get its Gaussians.)
+// loss_map, image, quotas, frames, screen_frames -> screen_planes, screen_frames, screen_ages,
+// screen_moments, screen_states; drawn_pixels is scratch
+// A view whose draw fills its budget has one more round, then waits.
+// Limits: a pixel whose loss is NaN or outside 1e-18..1e18 (float32 cannot hold its square) is never drawn.
+// Nothing changes once status says that a step did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/frame.glsl"
@@ -24,7 +26,7 @@ layout(push_constant, scalar) uniform Push {
     uint stride;      // of the planes
     uint round;       // from 1
     uint seed;
-    uint age;         // of new Gaussians: 0, or the steps of the views so far
+    uint age;         // of new Gaussians: 0, or the number of steps of the views so far
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Status { uint status[]; };
@@ -40,13 +42,13 @@ layout(set = 0, binding = 9, scalar) writeonly buffer ScreenAges { uint screen_a
 layout(set = 0, binding = 10, scalar) writeonly buffer ScreenMoments { float screen_moments[]; };
 
 const float LOSS_MIN = 1e-18, LOSS_MAX = 1e18;
-const float FIRST_OPACITY_LOGIT = -3.89182029811063; // of 0.02
-// The key's bits in three digits, the highest first: of 11, 11 and 10 bits.
+const float FIRST_OPACITY_LOGIT = -3.89182029811063; // logit of 0.02
+// The key's bits in three digits, highest first: 11, 11 and 10 bits.
 const uint BINS = 2048, PASSES = 3;
 const uint SHIFT[PASSES] = uint[](21, 10, 0), BITS[PASSES] = uint[](11, 11, 10);
 
-// llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together: 3840 x 2160 pixels gone through five
-// times by 256 threads would be 162,000, four at a time they are 40,500.
+// llvmpipe silently ends a kernel's loops after 65,535 iterations of all its loops together. Five passes over
+// 3840 x 2160 pixels by 256 threads would be 162,000; four pixels at a time they are 40,500.
 const uint UNROLL = 4; // guard: draw: several pixels an iteration
 
 shared uint bins[BINS];
@@ -55,22 +57,23 @@ shared uint found_bin, found_below, found_wanted;
 
 uint hash(uint pixel, uint view) { return pcg4d(uvec4(pixel, view, push.round, push.seed)).w; }
 
-// Bits of the key, which order as the keys do; NONE where the pixel cannot be drawn. `precise`: every pass must see the same.
+// Bits of the key, which sort like the keys; NONE if the pixel cannot be drawn. `precise`: every pass must
+// see the same key.
 uint key_of(Frame frame, uint view, uint pixel) {
     float loss = loss_map[frame.image_first + pixel];
     if (!(loss >= LOSS_MIN && loss <= LOSS_MAX)) return NONE; // guard: 2D: losses that can be drawn
     uint h = hash(pixel, view);
-    // -ln(u) for u = 1 - x, x = (h + 1/2) / 2^32. The pixels that are drawn are those of small x, where float32 has 1 - x
-    // with few digits: there -ln(1 - x) is its series, exact to x^6/7 < 1e-8.
+    // -ln(u) for u = 1 - x, x = (h + 1/2) / 2^32. Drawn pixels have small x, for which 1 - x has few digits
+    // in float32: a series is used there, exact to x^6/7 < 1e-8.
     precise float x = (float(h) + 0.5) / 4294967296.0;
     precise float series = x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 3.0 + x * (1.0 / 4.0 + x * (1.0 / 5.0 + x / 6.0)))));
     precise float key = (x < 0.0625 ? series : -log((float(~h) + 0.5) / 4294967296.0)) / (loss * loss);
     return floatBitsToUint(key);
 }
 
-// What of 0..count this subgroup takes, as (first, end): the ranges of the subgroups follow each other, and none is longer than
-// `longest`. Loops with subgroup operations go on to there in every subgroup: only where a whole workgroup goes the same way
-// does Vulkan promise that the lanes of a subgroup are together.
+// This subgroup's part of 0..count, as (first, end). The parts are consecutive, and none is longer than
+// `longest`. Loops with subgroup operations run to `longest` in every subgroup: Vulkan promises that the
+// lanes of a subgroup are together only if control flow is uniform in the workgroup.
 uint longest(uint count) { return (count + gl_NumSubgroups - 1) / gl_NumSubgroups; }
 uvec2 segment(uint count) {
     return min(uvec2(gl_SubgroupID, gl_SubgroupID + 1) * longest(count), uvec2(count));
@@ -109,7 +112,7 @@ void main() {
     uvec4 empty = scan(uvec2(count, 0));
     uint wanted = min(max((quota.budget + 2) / 5, 1), empty.z);
 
-    // The key of rank `wanted`: how many pixels are below it, digit by digit.
+    // Finds the key of rank `wanted` digit by digit, and the number of pixels below it.
     uint threshold = 0, below = 0;
     for (uint pass = 0; pass < PASSES && wanted > 0; ++pass) {
         for (uint b = gl_LocalInvocationIndex; b < BINS; b += gl_WorkGroupSize.x) bins[b] = 0;
@@ -117,21 +120,22 @@ void main() {
         for (uint first = gl_LocalInvocationIndex; first < pixels; first += UNROLL * gl_WorkGroupSize.x) {
             [[unroll]] for (uint k = 0; k < UNROLL; ++k) {
                 uint p = first + k * gl_WorkGroupSize.x, key = p < pixels ? key_of(frame, quota.view, p) : NONE;
-                // Two shifts: the first pass has no higher digits and a shift by 32 is not defined.
+                // Two shifts: the first pass has no higher digits, and a shift by 32 is undefined.
                 if (key != NONE && key >> SHIFT[pass] >> BITS[pass] == threshold) {
                     atomicAdd(bins[key >> SHIFT[pass] & ((1u << BITS[pass]) - 1)], 1);
                 }
             }
         }
         barrier();
-        // Each thread has some neighbouring bins.
+        // Each thread takes neighbouring bins.
         uint each = (BINS + gl_WorkGroupSize.x - 1) / gl_WorkGroupSize.x;
         uint first_bin = min((gl_SubgroupID * gl_SubgroupSize + lane) * each, BINS), end_bin = min(first_bin + each, BINS);
         uint own = 0;
         for (uint b = first_bin; b < end_bin; ++b) own += bins[b];
         uint earlier = subgroupExclusiveAdd(own);
         uvec4 others = scan(uvec2(own, 0));
-        // In the first pass these are all pixels that can be drawn; later there are enough anyway.
+        // In the first pass others.z is the number of pixels that can be drawn; later passes have enough
+        // anyway.
         uint rank = min(wanted, below + others.z), upto = below + others.x + earlier;
         for (uint b = first_bin; b < end_bin; ++b) {
             uint here = bins[b];
@@ -171,7 +175,8 @@ void main() {
                 next += uvec2(subgroupBallotBitCount(less), subgroupBallotBitCount(equal));
             }
         }
-        // Other subgroups' pixels are read below, and slots that others looked at are filled.
+        // Orders other subgroups' drawn pixels before the reads below, and their reads of slots before the
+        // writes.
         controlBarrier(gl_ScopeWorkgroup, gl_ScopeWorkgroup, gl_StorageSemanticsBuffer, gl_SemanticsAcquireRelease);
 
         float log_scale = log(first_scale(frame.width, frame.height));

@@ -1,11 +1,12 @@
 #version 460
-// Makes splats of the 2D Gaussians of a batch of views, and takes their depths from the views' depth maps.
+// Makes splats from the 2D Gaussians of a batch of views, and takes their depths from the views' depth maps.
 //
 // One thread takes one slot.
 // screen_planes, screen_frames, screen_states, frames, depths -> screen_planes (depth), splats, depth_keys, tile_counts (by slot)
-// Method, section 3: covariance S + 0.3 I, opacity compensated. Without a depth a Gaussian lies behind all that have one.
-// Limits: left out where the slot is empty, its view waits, opacity < 1/255, no pixel centre is reached, or anything is not
-// a number.
+// Method, section 3: covariance S + 0.3 I, opacity compensated. A Gaussian without a depth lies behind all
+// that have one.
+// Limits: a slot is skipped if it is empty, its view waits, opacity < 1/255, no pixel centre is reached, or
+// any value is NaN.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/frame.glsl"
@@ -44,7 +45,7 @@ void main() {
 
     Frame frame = frames[f];
     vec2 centre = vec2(at(CENTRE, i), at(CENTRE + 1, i));
-    // Steps keep centres in the image; what is not a number has no pixel.
+    // Steps keep centres in the image; a NaN centre has no pixel.
     // guard: 2D: centres in the image
     if (!(centre.x >= 0.0 && centre.y >= 0.0 && centre.x <= float(frame.width) && centre.y <= float(frame.height))) return;
     uvec2 pixel = uvec2(clamp(centre, vec2(0.0), vec2(frame.width, frame.height) - 0.5));
@@ -53,7 +54,7 @@ void main() {
     screen_planes[DEPTH * push.stride + i] = z;
 
     ScreenShape e = screen_shape(vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i));
-    precise Splat s; // emit, which reads it from memory, must see what is counted here
+    precise Splat s; // precise: emit reads it from memory and must see the value counted here
     s.centre = centre;
     s.shape = vec4(e.l11, e.l12, e.l22, e.compensation / (1.0 + exp(-at(LOGIT, i))));
     if (!(s.shape.w >= ALPHA_MIN)) return;

@@ -1,10 +1,12 @@
 #version 460
 // Empties the slots of 2D Gaussians that are nearly transparent or cover too few pixels.
 //
-// One subgroup takes one slot; its lanes go through the pixels of the bounding box. Subgroups do not meet.
+// One subgroup takes one slot; its lanes go through the pixels of the bounding box. Subgroups are
+// independent.
 // screen_planes, screen_frames, screen_states, frames -> screen_frames
-// Method, section 3. A pixel is covered where alpha >= 1/255, whatever lies in front.
-// Limits: slots of waiting views are left alone; what is not a number goes. Nothing happens once status says that a step did not fit.
+// Method, section 3. A pixel is covered if alpha >= 1/255, regardless of Gaussians in front.
+// Limits: slots of waiting views are unchanged; a Gaussian with NaN is pruned. Nothing changes once status
+// says that a step did not fit.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/frame.glsl"
@@ -25,9 +27,10 @@ layout(set = 0, binding = 4, scalar) buffer ScreenFrames { uint screen_frames[];
 
 const float OPACITY_MIN = 0.005;
 
-// The method's 25 pixels, at images of 546 rows and more, the smallest of its data sets (Tanks and Temples). Below, new
-// Gaussians begin in proportion to the image (0.005 of its shorter side), and so does what they must cover, down to the
-// 4 pixels that leave inverse splatting one more than the 3 points it needs.
+// The method's 25 pixels hold for images of 546 rows and more, the smallest of its data sets (Tanks and
+// Temples). In smaller images new Gaussians start in proportion to the image (0.005 of its shorter side), and
+// the number of pixels they must cover shrinks accordingly. Its minimum of 4 leaves inverse splatting one
+// more than the 3 points it needs.
 const float PAPER_SIDE = 546.0;
 uint covered_min(Frame frame) {
     float side = float(min(frame.width, frame.height)) / PAPER_SIDE;
@@ -49,7 +52,7 @@ void main() {
                                  vec2(at(LOG_SCALE, i), at(LOG_SCALE + 1, i)), at(ANGLE, i),
                                  uvec2(frame.width, frame.height), true);
     uint pixels = e.size.x * e.size.y, covered = 0, enough = covered_min(frame);
-    // Enough is enough: most Gaussians that stay have their pixels within the first rows.
+    // Stop at `enough`: most Gaussians that stay have their pixels within the first rows.
     for (uint first = 0; first < pixels && covered < enough; first += gl_SubgroupSize) {
         uint k = first + gl_SubgroupInvocationID;
         bool hit = k < pixels && footprint_weight(e, e.low + uvec2(k % e.size.x, k / e.size.x)) > 0.0;

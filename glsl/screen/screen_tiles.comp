@@ -1,12 +1,14 @@
 #version 460
-// Lists the tiles of the loss that matter to the 2D Gaussians: those whose gradient is used, and those that it is made from.
+// Lists the loss's tiles that matter to the 2D Gaussians: those whose gradient is used, and those from which
+// it is computed.
 //
 // One thread takes one slot. splats, tile_counts, screen_frames, frames -> forward_tiles, backward_tiles, their numbers in
 // count[0] and count[1]; tile_marks (2 words a tile) must be 0, as count must.
-// Only pixels that a Gaussian covers hand their gradient on, and the loss of pixels within the SSIM window's radius is all that
-// it depends on: ssim_backward runs on tiles that hold a pixel of a bounding box, ssim_forward on those that hold one within
-// 5 pixels of it. What is left out keeps old values, which nothing reads but gradients of pixels without a Gaussian.
-// Limits: the order of a list differs from run to run; what is made from it does not.
+// Only pixels that a Gaussian covers pass their gradient on, and that gradient depends only on the loss of
+// pixels within the SSIM window's radius. So ssim_backward runs on tiles with a pixel of a bounding box, and
+// ssim_forward on tiles with a pixel within 5 pixels of one. Tiles not listed keep old values, read only for
+// gradients of pixels without a Gaussian.
+// Limits: the order of a list differs from run to run; the results do not.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/frame.glsl"
@@ -15,7 +17,7 @@
 layout(constant_id = 1) const uint TILE = 32; // of the loss, px
 
 layout(push_constant, scalar) uniform Push {
-    uint count;           // places
+    uint count;           // slots
     uint tiles_per_frame; // of the loss
 } push;
 

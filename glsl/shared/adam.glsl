@@ -1,21 +1,23 @@
-// The step on the parameters of one Gaussian, Adam's (Kingma 2014) with the settings of 3DGS or Newton's; shared by project_backward,
-// which steps as soon as it has a gradient, and adam, which steps on gradients of several views.
+// One optimiser step on the parameters of one Gaussian: Adam's (Kingma 2014) with the settings of 3DGS, or
+// Newton's. Shared by project_backward, which steps as soon as it has a gradient, and adam, which steps on
+// gradients of several views.
 //
-// The kernel has the model with MODEL_LOADS and MODEL_STORES and the bindings of the moments, and declares `push.rates`,
-// `push.page_first` and NEWTON: second moments are curvatures.
+// The including kernel defines MODEL_LOADS and MODEL_STORES and the bindings of the moments, and declares
+// `push.rates`, `push.page_first` and NEWTON. With NEWTON, second moments are curvatures.
 #include "adam_one.glsl"
 #include "packed.glsl"
 
-layout(constant_id = 6) const bool PACKED = false; // the moments of plane p are plane p, both in one word
-const uint MOMENTS = PACKED ? 1 : 2; // planes of what has both
+layout(constant_id = 6) const bool PACKED = false; // both moments of plane p are packed into plane p, one word each
+const uint MOMENTS = PACKED ? 1 : 2; // planes of moments for each plane of parameters
 
 const float WIDTH_MIN = 0.01, WIDTH_MAX = 1.0; // method, section 1
-// exp(beta) from 1/7 to 2981: a lobe twice as blunt as the cosine's square root, and one of 2 degrees. Within these bounds
-// exp(beta) * ln cos(psi/2) * any factor of the gradient stays below 1e9 wherever the factor itself is above 1/255.
+// exp(beta) from 1/7, a lobe twice as blunt as the cosine's square root, to 2981, one of 2 degrees. Within
+// these bounds exp(beta) * ln cos(psi/2) * any factor of the gradient stays below 1e9 if the factor itself is
+// above 1/255.
 const float SHARPNESS_MIN = -2.0, SHARPNESS_MAX = 8.0;
-const float FREE = 1e30; // bound of a parameter that has none
+const float FREE = 1e30; // bound of an unbounded parameter
 
-// What the words of a plane's moments say, and the first of those that say it.
+// Moments from the words of a plane, and the first of these words from moments.
 Moments moments_of(float first, float second) {
     return PACKED ? unpack_moments(floatBitsToUint(first)) : Moments(first, second);
 }
@@ -23,9 +25,10 @@ float first_word(Moments m, uint plane, uint place) {
     return PACKED ? uintBitsToFloat(pack_moments(m, dither_of(push.page_first + place, plane, push.rates.step))) : m.first;
 }
 
-// Nothing moves, and of moments only curvatures.
+// A probe moves no parameter and updates only curvatures.
 bool probes() { return NEWTON && push.rates.probe != 0; }
-// Of words that are not packed: a step of Newton's leaves curvatures alone, a probe the first moments.
+// If moments are not packed, a Newton step leaves curvatures unchanged, and a probe leaves first moments
+// unchanged.
 bool writes_first() { return PACKED || !probes(); }
 bool writes_second() { return !PACKED && (!NEWTON || probes()); }
 
@@ -36,7 +39,7 @@ float change_of(float g, float rate, inout Moments m, float c1, float c2) {
     return 0.0;
 }
 
-// The change of one number of plane `p`, and what its moments' words become.
+// Returns the change of one number of plane `p` and updates the words of its moments.
 float step_one(uint p, uint place, float g, float rate, vec2 corrections, inout float first, inout float second) {
     Moments m = moments_of(first, second);
     float change = change_of(g, rate, m, corrections.x, corrections.y);
@@ -44,7 +47,7 @@ float step_one(uint p, uint place, float g, float rate, vec2 corrections, inout 
     second = m.second;
     return change;
 }
-// The same of quad `q`, whose words are in `first` and `second`.
+// Does step_one for the four numbers of quad `q`, whose words are in `first` and `second`.
 vec4 step_four(uint q, uint place, vec4 g, vec4 rate, vec2 corrections, inout vec4 first, inout vec4 second) {
     vec4 change;
     [[unroll]] for (uint c = 0; c < 4; ++c) change[c] = step_one(4 * q + c, place, g[c], rate[c], corrections, first[c], second[c]);
@@ -61,7 +64,7 @@ void step_geometry(uint q, uint place, vec4 g, vec4 rate) {
     if (writes_second()) geometry_moments[at + push.stride] = second;
 }
 
-// Of what learns its opacity alone: both moments in one quad.
+// Steps a Gaussian that learns only its opacity: both moments are in one quad.
 void step_opacity(uint place, float g) {
     vec2 corrections = vec2(push.rates.first_correction, push.rates.second_correction);
     float first = geometry_moments[place].x, second = geometry_moments[place].y;
@@ -70,19 +73,20 @@ void step_opacity(uint place, float g) {
     geometry_moments[place].xy = vec2(first, second);
 }
 
-// Newton's steps of harmonics go by the curvature of the constant, channel by channel (method, section 5). Where moments are not packed,
-// quad 0 beside the harmonics is that curvature, and quad q + 1 the first moments of quad q. Packed, planes 0 to 2 are the words of the
-// constant, and plane 2 + k the three first moments of coefficient k.
+// Newton steps of harmonics use the curvature of the constant coefficient, channel by channel (method,
+// section 5). If moments are not packed, quad 0 of `sh_moments` is that curvature, and quad q + 1 the first
+// moments of quad q. If they are, planes 0 to 2 are the words of the constant, and plane 2 + k the three
+// first moments of coefficient k.
 vec3 constant_curvature;
 
-// That of a place, before a step has read it.
+// Reads the constant's curvature of the Gaussian at `place`, before a step has done so.
 vec3 known_curvature(uint place) {
     vec3 known = sh_moments[place].xyz;
     if (PACKED) [[unroll]] for (uint c = 0; c < 3; ++c) known[c] = unpack_moments(floatBitsToUint(known[c])).second;
     return known;
 }
 
-// The change of coefficient `k` and its packed words.
+// Returns the change of coefficient `k` and updates its packed words.
 vec3 step_packed(uint k, uint place, vec3 g) {
     vec3 change;
     if (k == 0) {
@@ -104,7 +108,8 @@ vec3 step_packed(uint k, uint place, vec3 g) {
     return change;
 }
 
-// Coefficients 4g to 4g + 3, from `values`, which were read before. Group 0 goes first.
+// Steps coefficients 4g to 4g + 3. `values` are their parameters, read earlier. Group 0 goes first, since it
+// sets the curvature.
 void step_sh12(uint g, uint place, vec4 values[3], vec4 grads[3]) {
     if (NEWTON && !PACKED && g == 0) {
         constant_curvature = sh_moments[place].xyz;
@@ -158,7 +163,7 @@ void step_lobe(uint q, uint place, vec4 g, vec4 rate, vec4 lo, vec4 hi) {
     if (writes_second()) lobe_moments[at + push.stride] = second;
 }
 
-// The gradient of all but the colour.
+// Gradient by all parameters but the colour's.
 struct Gradient {
     vec3 mean, log_scale;
     vec4 quat;
@@ -174,7 +179,8 @@ bool finite(Gradient g) {
            finite(g.direction) && finite(g.sharpness);
 }
 
-// To planes of gradients, bound where the moments are; plane GEOMETRY_PLANES counts the views that blend the Gaussian.
+// Adds to the planes of gradients, which are bound in place of the moments. Plane GEOMETRY_PLANES counts the
+// views that blend the Gaussian.
 void add_gradient(Gradient g, bool blended, bool has_lobes, uint place) {
     geometry_moments[place] += vec4(g.mean, g.opacity);
     geometry_moments[push.stride + place] += g.quat;
@@ -184,7 +190,7 @@ void add_gradient(Gradient g, bool blended, bool has_lobes, uint place) {
     lobe_moments[push.stride + place].x += g.sharpness;
 }
 
-// Parameters are read once more here, where kernels have few registers left to keep them in.
+// Reads parameters again instead of taking them as arguments: kernels have few registers left here.
 void step_all(Gradient g, bool has_lobes, uint place) {
     StepRates r = push.rates;
     step_geometry(MEAN / 4, place, vec4(g.mean, g.opacity), vec4(vec3(r.mean), r.opacity));

@@ -1,11 +1,13 @@
-// Gradients of the blended image by intersection: the body of blend_backward and blend_backward_atomic, which differ in where
-// a record goes (`put`).
+// Gradients of the blended image for each intersection: the body of blend_backward and blend_backward_atomic,
+// which differ only in `put`, the destination of a record.
 //
-// One subgroup takes one tile, see shared/tile.glsl, and goes front to back again with the forward pass's arithmetic, so
-// every decision is the same bit for bit and no transmittance is divided back. What lies behind a Gaussian is the final
-// colour less what has been passed. Sums over a tile's pixels are subgroup reductions.
-// The record is in whitened coordinates, see docs/design-notes.md. With SCORES image_grad is what density_image makes, and of the record the
-// first two of `colour` are wanted, its sums by blend weight: what else there is then compiles to nothing.
+// One subgroup takes one tile, see shared/tile.glsl. It goes front to back again with the forward pass's
+// arithmetic, so every decision is the same bit for bit and transmittance is never divided back. The colour
+// behind a Gaussian is the final colour less the colour passed so far. Sums over a tile's pixels are subgroup
+// reductions.
+// The record is in whitened coordinates, see docs/design-notes.md. With SCORES, image_grad comes from
+// density_image, and only the first two components of `colour` are summed, by blend weight. The rest of the
+// record then compiles to nothing.
 #include "common.glsl"
 #include "splat.glsl"
 #include "frame.glsl"
@@ -15,8 +17,8 @@
 
 layout(constant_id = 5) const bool SCORES = false;
 
-// Called with the record of every intersection that some pixel blends; of a Gaussian whose opacity alone learns only `centre`
-// is meant, see records.glsl.
+// Called with the record of every intersection that some pixel blends. If the Gaussian learns only its
+// opacity, only `centre` is valid, see records.glsl.
 struct Record {
     vec3 centre, shape, colour;
 };
@@ -27,7 +29,7 @@ layout(push_constant, scalar) uniform Push {
     uint tiles_x;
     uint tiles_per_frame;
     uint tile_count;
-    uint frozen; // segments, from the first on, that need the gradient of their opacity only, and whether they are blended
+    uint frozen; // segments, from the first on, that need only the gradient of their opacity, and whether they are blended
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Frames { Frame frames[]; };
@@ -44,20 +46,20 @@ layout(set = 0, binding = 10, scalar) readonly buffer TileList { uint tile_list[
 layout(set = 0, binding = 11, scalar) readonly buffer TileListCount { uint tile_list_count[]; };
 
 // The pixels of this lane.
-float x;       // of their centres
-uint corner_y; // where the tile begins
-uint live;     // a bit for each that is not finished
+float x;       // of the pixels' centres
+uint corner_y; // first row of the tile
+uint live;     // a bit for each pixel that is not finished
 float T[PIXELS];
 float behind[PIXELS]; // image_grad . (colour that is still to come, background included)
 vec3 grad[PIXELS];
-// The splat that this lane has loaded, and what becomes of it.
+// The splat that this lane has loaded, and its record.
 Splat own;
 vec3 tint;
-bool learns; // all of it
+bool learns; // all its parameters learn
 Record record;
 bool blended;
 
-// Pulls at the splat of lane `j` with all pixels of the tile.
+// Adds up the gradient of the splat of lane `j` over all pixels of the tile.
 void take(uint j) {
     vec2 centre = handed(own.centre, j);
     vec4 shape = handed(own.shape, j);
@@ -72,7 +74,8 @@ void take(uint j) {
         float dy = float(corner_y + lane_y(k)) + 0.5 - centre.y;
         Response e = respond(u0, shape.y, shape.z, dy, shape.w);
         bool met = (live >> k & 1u) != 0 && e.alpha >= ALPHA_MIN;
-        // Where no lane takes a row of pixels, a GPU passes over much; a CPU's lanes all go along, so what is not taken counts as 0.
+        // If no lane takes a row of pixels, a GPU skips much work here. All lanes of a CPU go along, and a
+        // pixel that is not taken adds 0.
         if (!(UNROLLED || met)) continue;
         precise float next = T[k] * (1.0 - e.alpha);
         bool taken = met && next >= T_MIN;
@@ -93,7 +96,7 @@ void take(uint j) {
     }
     bool blends = UNROLLED ? summed(touched ? 1.0 : 0.0) > 0.0 : subgroupAny(touched);
     if (!(UNROLLED || blends)) return;
-    // Of what is frozen x says that it is blended, which SparseAdam asks.
+    // The x component of a frozen Gaussian's record says that it is blended, which SparseAdam needs.
     // guard: blended without a gradient
     Record total = Record(vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(0.0));
     if (SCORES) {
@@ -143,7 +146,7 @@ void tile_backward() {
     uint all_first = segment_first[push.frozen];
     for (uint first = range.x; first < range.y && subgroupAny(live != 0); first += gl_SubgroupSize) {
         uint mine = first + gl_SubgroupInvocationID, slot = 0, global = 0;
-        // Of no opacity where there is none: no pixel takes it.
+        // Lanes beyond the range have opacity 0: no pixel takes them.
         own = Splat(vec4(0.0), vec2(0.0));
         tint = vec3(0.0);
         learns = false;

@@ -1,16 +1,17 @@
-// The colour of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl 2023), or their constant
-// and spherical betas.
+// The colour of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl
+// 2023), or their constant band and spherical betas.
 //
-// Kernels know colour_at, colour_of, direction_gradient and coefficient_gradient, and that there are COEFFICIENTS coefficients of three
-// channels. Another colour model is another file and a choice here. The bands in use, or betas in their place, are a
-// specialisation constant: what a scene does not have, or training has not reached, is not in the pipeline.
+// Kernels call only colour_at, colour_of, direction_gradient and coefficient_gradient, and know that there
+// are COEFFICIENTS coefficients of three channels. Another colour model is another file and a choice here.
+// The bands in use, or betas in their place, are a specialisation constant: bands that a scene lacks, or that
+// training has not reached, are not in the pipeline.
 #include "betas.glsl"
 
 layout(constant_id = 10) const uint SH_DEGREE = 3;
 const bool HAS_BETAS = SH_DEGREE == BETAS;
 const uint HARMONICS = HAS_BETAS ? 1 : (SH_DEGREE + 1) * (SH_DEGREE + 1);
 const uint COEFFICIENTS = HARMONICS + (HAS_BETAS ? 2 * BETA_LOBES : 0);
-const uint GROUPS = (COEFFICIENTS + 3) / 4; // of four, which are read and written together
+const uint GROUPS = (COEFFICIENTS + 3) / 4; // of four coefficients, read and written together
 
 // Basis functions of a unit vector; those beyond SH_DEGREE are not set.
 void sh_basis(vec3 d, out float basis[16]) {
@@ -60,7 +61,7 @@ vec3 sh_basis_gradient(vec3 d, uint k) {
     return vec3(0.0);
 }
 
-// What depends on the direction alone, the unit vector from the eye to the Gaussian, and what betas make of it.
+// Depends on the direction alone (the unit vector from the eye to the Gaussian), and on the Gaussian's betas.
 struct ColourAt {
     vec3 direction;
     float basis[16];
@@ -80,7 +81,7 @@ ColourAt colour_at(vec3 direction, uint place) {
     return at;
 }
 
-// Before it is clamped at 0.
+// The colour before it is clamped at 0.
 vec3 colour_of(ColourAt at, uint place) {
     vec3 colour = vec3(0.5);
     [[unroll]] for (uint g = 0; g < GROUPS; ++g) {
@@ -96,7 +97,8 @@ vec3 colour_of(ColourAt at, uint place) {
     return colour;
 }
 
-// Coefficient k's part of the gradient by the direction, not yet made tangent to the sphere. A lobe's is with its colour.
+// Coefficient k's part of the gradient by the direction, not yet made tangent to the sphere. A lobe's part
+// comes with its colour coefficient.
 vec3 direction_gradient(ColourAt at, uint k, vec3 d_colour, vec3 coefficient) {
     if (k < HARMONICS) return dot(d_colour, coefficient) * sh_basis_gradient(at.direction, k);
     Beta l = at.betas[(k - 1) / 2];

@@ -1,4 +1,4 @@
-// What every kernel begins with.
+// The common start of every kernel: workgroup size and linear indices.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_memory_scope_semantics : require
@@ -12,5 +12,5 @@ layout(local_size_x_id = 0) in;
 // guard: index of a folded group
 uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
 uint thread_index() { return group_index() * gl_WorkGroupSize.x + gl_LocalInvocationIndex; }
-// Linear index of this subgroup over the whole dispatch, where the unit of work is a subgroup.
+// Linear index of this subgroup over the whole dispatch, for kernels whose unit of work is a subgroup.
 uint subgroup_index() { return group_index() * gl_NumSubgroups + gl_SubgroupID; }

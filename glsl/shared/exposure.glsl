@@ -1,14 +1,15 @@
-// What the kernels of exposure correction agree on: each training photograph has an affine map of colours, c' = M c + b, that the
-// blended image goes through before it is compared (3DGS, "exposure compensation", 2024).
+// Layout shared by the kernels of exposure correction. Each training photograph has an affine map of colours,
+// c' = M c + b, applied to the blended image before the comparison (3DGS, "exposure compensation", 2024).
 #include "frame.glsl"
 
-// Numbers of a map: rows of (M | b), so entry 4 row + column, and of that b is column 3.
+// Numbers of a map: rows of (M | b). Entry 4 row + column; column 3 is b.
 const uint MAP = 12;
-// Beside a map lie MOMENTS numbers: the first moments of its entries, the second ones, and both of a gradient that is always 1, which
-// are 1 - BETA1^t and 1 - BETA2^t after t steps: what Adam's bias correction divides by.
+// Next to a map lie MOMENTS numbers: the first moments of its entries, the second ones, and both moments of a
+// gradient that is always 1. After t steps these two are 1 - BETA1^t and 1 - BETA2^t, the divisors of Adam's
+// bias correction.
 const uint FIRST = 0;
 const uint SECOND = 12;
 const uint CORRECTIONS = 24;
 const uint MOMENTS = 26;
-// Pixels over which one subgroup sums a map's gradient. A multiple of every subgroup's size.
+// Pixels over which one subgroup sums a map's gradient: a multiple of every subgroup size.
 const uint SUM_PIXELS = 1024;

@@ -1,8 +1,8 @@
-// The pixels that a 2D Gaussian of the screen phase covers, with which weight.
+// The pixels that a 2D Gaussian of the screen phase covers, and its weight at each.
 //
 // S = Rot(angle) diag(s^2) Rot(angle)^T; it covers the pixels where
-// alpha = min(0.99, opacity * exp(-1/2 d^T (S + 0.3 I)^-1 d)) >= 1/255. It is drawn, and pruned, with its opacity compensated by
-// sqrt(det S / det(S + 0.3 I)), and lifted with its opacity as it is (method, sections 3 and 4).
+// alpha = min(0.99, opacity * exp(-1/2 d^T (S + 0.3 I)^-1 d)) >= 1/255. Drawing and pruning use its opacity compensated by
+// sqrt(det S / det(S + 0.3 I)), lifting its opacity uncompensated (method, sections 3 and 4).
 
 #include "splat.glsl" // ALPHA_MIN, ALPHA_MAX
 #include "unit.glsl"  // FLOAT_MAX
@@ -13,7 +13,7 @@ struct Footprint {
     float l11, l12, l22; // (S + 0.3 I)^-1 = L^T L, upper triangular
     float opacity;       // sigmoid(logit), compensated or not
     uvec2 low;           // first pixel of the bounding box
-    uvec2 size;          // of the bounding box; 0 when nothing is covered
+    uvec2 size;          // of the bounding box; 0 if nothing is covered
 };
 
 // S as (S11, S12, S22), px^2.
@@ -26,7 +26,7 @@ vec3 screen_covariance(vec2 log_scale, float angle) {
     return covariance;
 }
 
-// `precise`, with all that it is made of: counting and writing points must take the same decisions.
+// `precise`, with all its parts: counting and writing points must take the same decisions.
 Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, uvec2 image, bool compensate) {
     precise Footprint f;
     f.centre = centre;
@@ -42,7 +42,8 @@ Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, 
     f.l22 = inversesqrt(c);
     f.opacity = (compensate ? sqrt(v.x * v.y / whole) : 1.0) / (1.0 + exp(-logit));
     if (!(f.opacity >= ALPHA_MIN) || !(max(abs(centre.x), abs(centre.y)) <= 1e9)) return f;
-    // alpha >= 1/255 <=> |L d|^2 <= 2 ln(255*opacity): an ellipse with these half extents. floor and ceil leave the slack for rounding.
+    // alpha >= 1/255 <=> |L d|^2 <= 2 ln(255*opacity): an ellipse with these half extents. floor and ceil
+    // leave slack for rounding.
     precise vec2 reach = sqrt(2.0 * log(255.0 * f.opacity) * vec2(a, c));
     if (!(max(reach.x, reach.y) <= 1e9)) return f;
     precise vec2 first = floor(centre - reach - 0.5), last = ceil(centre + reach - 0.5);
@@ -54,7 +55,7 @@ Footprint make_footprint(vec2 centre, float logit, vec2 log_scale, float angle, 
     return f;
 }
 
-// alpha at a pixel, 0 where it is not covered. `precise` as make_footprint.
+// alpha at a pixel, 0 if it is not covered. `precise` like make_footprint.
 float footprint_weight(Footprint f, uvec2 pixel) {
     precise vec2 d = vec2(pixel) + 0.5 - f.centre;
     precise float u = f.l11 * d.x + f.l12 * d.y;

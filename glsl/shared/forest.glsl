@@ -1,7 +1,9 @@
-// Union-find over the points of one set: the larger root is hooked under the smaller one, so a component's root is its smallest
-// member however lanes are scheduled. Labels only ever fall, each to an ancestor, so a stale one is still an ancestor.
+// Union-find over the points of one set. The larger root is hooked under the smaller one, so a component's
+// root is its smallest member in any schedule of lanes. Labels only decrease, each to an ancestor, so a stale
+// one is still an ancestor.
 //
-// Lanes read labels while others write them, so every access is atomic; nothing else is ordered by them, hence relaxed.
+// Lanes read labels while others write them, so every access is atomic. Nothing else is ordered by them,
+// hence relaxed.
 // The including kernel declares `labels`.
 
 uint label_at(uint i) {
@@ -21,8 +23,8 @@ uint find(uint first, uint x) {
     return x;
 }
 
-// Joins the components of a and b; their common root as known here. A failed exchange means that another lane made progress,
-// and no lane waits for another.
+// Joins the components of a and b and returns their common root as known here. A failed exchange means that
+// another lane made progress, and no lane waits for another.
 uint unite(uint first, uint a, uint b) {
     while (true) {
         a = find(first, a);

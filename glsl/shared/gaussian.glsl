@@ -15,7 +15,7 @@ mat3 rotation(vec4 q) {
 struct Projection {
     vec3 p;          // camera space
     float inv_z;
-    vec2 t;          // x/z and y/z as the Jacobian takes them, clamped
+    vec2 t;          // x/z and y/z as used by the Jacobian, clamped
     vec3 jw1, jw2;   // rows of J W
     mat3 axes;       // rotation of the Gaussian
     vec3 scale;
@@ -73,18 +73,20 @@ Lobe eval_lobe(vec3 direction, float width, float sharpness, vec3 v) {
     float sin_theta = length(normal);
     float theta = angle_of(sin_theta, l.cos_theta); // guard: angle by its tangent
     l.psi = theta / width;
-    // Without a direction the angle is that of (0, 0), which may be any. llvmpipe gives NaN, so no test there can miss the length.
+    // Without a direction the angle is that of (0, 0), which is unspecified. llvmpipe gives NaN there, so no
+    // test on it can notice if the check of the length is missing.
     if (!(l.direction_length > 0.0 && l.psi < PI)) return l; // guard: support of a lobe
     float half_psi = 0.5 * l.psi;
     l.exponent = exp(sharpness);
     vec2 half_turn = cos_sin(half_psi);
-    // Near 1 a driver's logarithm may be off by 2^-21, while the exponent is in the thousands: there the series of ln cos, to 1e-7.
+    // Near 1 a driver's logarithm may be off by 2^-21, while the exponent is in the thousands: use the series
+    // of ln cos there, exact to 1e-7.
     float x2 = half_psi * half_psi;
     float series = -x2 * (1.0 / 2.0 + x2 * (1.0 / 12.0 + x2 * (1.0 / 45.0 + x2 * (17.0 / 2520.0 + x2 * (31.0 / 14175.0 + x2 * (691.0 / 935550.0))))));
     l.log_cos = half_psi < 0.5 ? series : log(max(half_turn.x, 1e-30)); // guard: logarithm near 1
     l.tangent = half_turn.y / half_turn.x;
     l.factor = exp(2.0 * l.exponent * l.log_cos);
-    // sin(theta) is small at theta near pi too, where a width of 1 still has a value and no such limit.
+    // sin(theta) is also small at theta near pi. There a width of 1 still has a value, but not this limit.
     // guard: limit at θ = 0; no limit at θ = π
     l.tan_over_sin = sin_theta > 1e-4 || l.cos_theta < 0.0 ? l.tangent / sin_theta : 0.5 / width;
     return l;

@@ -1,5 +1,5 @@
-// pcg4d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020): four words of a counter, and uniform, exponential and normal
-// numbers of them.
+// Random numbers from a counter: pcg4d (Jarzynski and Olano, "Hash functions for GPU rendering", 2020) hashes
+// four words; the other functions turn a word into a uniform, exponential or normal number.
 #include "trig.glsl"
 
 uvec4 pcg4d(uvec4 v) {
@@ -14,10 +14,10 @@ uvec4 pcg4d(uvec4 v) {
     return v;
 }
 
-// Above 0 and below 1: float32 has the upper 23 bits and a half exactly.
+// Above 0 and below 1: float32 represents the upper 23 bits plus a half exactly.
 float uniform_of(uint h) { return (float(h >> 9) + 0.5) / 8388608.0; }
 
-// -ln(1 - u): of small u, where float32 has 1 - u with few digits, its series, exact to u^6 / 7 < 1e-8.
+// -ln(1 - u). For small u, where 1 - u has few digits in float32, a series, exact to u^6 / 7 < 1e-8.
 float exponential_of(uint h) {
     float u = uniform_of(h);
     float series = u * (1.0 + u * (1.0 / 2.0 + u * (1.0 / 3.0 + u * (1.0 / 4.0 + u * (1.0 / 5.0 + u / 6.0)))));

@@ -1,18 +1,24 @@
-// Where the parameters of a Gaussian lie: the one owner of planes, loads, stores and precision of geometry, SH and lobes, and
-// of what goes with them plane by plane (moments, gradients). The host has the numbers from here, see `scene::layout`.
+// Memory layout of the parameters of a Gaussian: the one owner of planes, loads, stores and precision of
+// geometry, SH and lobes, and of the moments and gradients that share their planes. The host takes the
+// numbers from here, see `scene::layout`.
 //
-// A segment (base or supplement) lies in pages, each with buffers of its own. Four planes lie together, so that a thread reads and
-// writes 16 bytes at once: in a page plane p of the Gaussian at `place` is component p % 4 of quad (p / 4) * stride + place; the stride
-// is the page's capacity. SH coefficient k of channel c is plane 3k + c of `sh`, so that four coefficients are three quads.
+// A segment (base or supplement) lies in pages, each with its own buffers. Four planes are interleaved, so
+// that a thread reads and writes 16 bytes at once: plane p of the Gaussian at `place` of a page is component
+// p % 4 of quad (p / 4) * stride + place. The stride is the page's capacity. SH coefficient k of channel c is
+// plane 3k + c of `sh`, so four coefficients are three quads.
 //
-// A kernel declares `push.stride`, defines the binding of each array it uses (GEOMETRY, SH, LOBES, GEOMETRY_MOMENTS,
-// SH_MOMENTS, LOBE_MOMENTS) and MODEL_LOADS, MODEL_STORES or both, then includes this file. One that renders defines HALVES as well, and
-// goes without stores.
+// A kernel declares `push.stride`, defines the binding of each array it uses (GEOMETRY, SH, LOBES,
+// GEOMETRY_MOMENTS, SH_MOMENTS, LOBE_MOMENTS) and MODEL_LOADS, MODEL_STORES or both, then includes this file.
+// A kernel that renders also defines HALVES, and has no stores.
 //
-// Of half width, for rendering alone, geometry has two quads. The first is the same: mean and opacity. Word k of the second, k below 3, is log
-// scale k in its upper bits, in units of LOG_SCALE_STEP, with a sign, and the upper ROTATION_LOW_BITS of part k of the rotation; the last word
-// has the lower bits of the three parts, the first part lowest, and in two bits above which component of the unit quaternion is not among
-// them: the largest, taken to be positive. A part is a component in units of ROTATION_STEP, and ROTATION_ZERO more. What projection would not
+// With half width, for rendering only, geometry has two quads. The first is unchanged: mean and opacity. The
+// second has four words:
+// - Word k below 3 has log scale k in its upper bits, signed, in units of LOG_SCALE_STEP. Its lower bits are
+//   the upper ROTATION_LOW_BITS of part k of the rotation.
+// - The last word has the lower bits of the three parts, the first part lowest. The two bits above say which
+//   component of the unit quaternion is omitted: the largest, taken to be positive.
+// A part is a component in units of ROTATION_STEP, plus ROTATION_ZERO. If projection would cull a Gaussian for
+// its rotation or its scales, its packed opacity is NaN (`scene::layout::pack_geometry`).
 // draw for its rotation or its scales has an opacity that is not a number (`scene::layout::pack_geometry`).
 
 const uint MEAN = 0;           // 3 planes: x, y, z, scene units from the model's origin
@@ -20,11 +26,11 @@ const uint OPACITY = 3;        // logit
 const uint QUAT = 4;           // 4 planes: w, x, y, z, of any length
 const uint LOG_SCALE = 8;      // 3 planes: natural logarithms of the standard deviations
 const uint GEOMETRY_PLANES = 11;
-const uint HALF_GEOMETRY_PLANES = 8;          // of half width, see above
-const float LOG_SCALE_STEP = 1.52587890625e-5; // 2^-16: 22 bits reach from -32 to 32, and err by 8e-6 of a scale
-const uint ROTATION_LOW_BITS = 10;            // of the 20 of a part
+const uint HALF_GEOMETRY_PLANES = 8;          // at half width, see above
+const float LOG_SCALE_STEP = 1.52587890625e-5; // 2^-16: 22 bits reach from -32 to 32, with an error of 8e-6 of a scale
+const uint ROTATION_LOW_BITS = 10;            // of a part's 20 bits
 const uint ROTATION_ZERO = 524288;            // 2^19
-const float ROTATION_STEP = 1.3487017e-6;     // sqrt(1/2) / (2^19 - 1): no component but the largest is beyond sqrt(1/2)
+const float ROTATION_STEP = 1.3487017e-6;     // sqrt(1/2) / (2^19 - 1): only the largest component can exceed sqrt(1/2)
 const uint LOBE_DIRECTION = 0; // 3 planes, of any length
 const uint LOBE_WIDTH = 3;     // T, 0.01 to 1
 const uint LOBE_SHARPNESS = 4; // beta
@@ -42,7 +48,7 @@ uint quad_of(uint p, uint place) { return p / 4 * push.stride + place; }
 
 #ifdef MODEL_LOADS
 #ifdef HALVES
-layout(constant_id = 11) const bool HALF_WIDTH = false; // geometry as above; planes 2p and 2p + 1 of `sh` are the halves of the words of plane p
+layout(constant_id = 11) const bool HALF_WIDTH = false; // geometry as above; the words of plane p of `sh` hold planes 2p and 2p + 1
 #else
 const bool HALF_WIDTH = false;
 #endif
@@ -56,7 +62,7 @@ float load_geometry(uint p, uint place) { return geometry[quad_of(p, place)][p %
 vec3 load_geometry3(uint p, uint place) { return geometry[quad_of(p, place)].xyz; }
 vec4 load_quat(uint place) { return geometry[quad_of(QUAT, place)]; }
 #ifdef HALVES
-// Rotation and log scales, of either width; those of half width as one access.
+// Rotation and log scales at either width; half width takes one access.
 void load_form(uint place, out vec4 quat, out vec3 log_scale) {
     if (!HALF_WIDTH) {
         quat = load_quat(place);
@@ -85,7 +91,7 @@ void store_quat(uint place, vec4 value) { geometry[quad_of(QUAT, place)] = value
 #ifdef SH
 layout(set = 0, binding = SH, scalar) MODEL_ACCESS buffer Sh { vec4 sh[]; };
 #ifdef MODEL_LOADS
-// Planes 12g to 12g + 11, as far as they are below `planes`: coefficients 4g to 4g + 3.
+// Planes 12g to 12g + 11 (coefficients 4g to 4g + 3); planes from `planes` on are 0.
 void load_sh12(uint g, uint planes, uint place, out vec4 quads[3]) {
     [[unroll]] for (uint q = 0; q < 3; ++q) {
         uint p = 12 * g + 4 * q;
@@ -105,7 +111,7 @@ void load_sh12(uint g, uint planes, uint place, out vec4 quads[3]) {
 void store_sh(uint p, uint place, float value) { sh[quad_of(p, place)][p % 4] = value; }
 #endif
 #endif
-// Coefficient j of the four in three quads.
+// Coefficient j of the four that three quads hold.
 vec3 coefficient_of(vec4 quads[3], uint j) {
     uint n = 3 * j;
     return vec3(quads[n / 4][n % 4], quads[(n + 1) / 4][(n + 1) % 4], quads[(n + 2) / 4][(n + 2) % 4]);
@@ -126,8 +132,8 @@ void store_lobe_direction(uint place, vec3 value) { lobes[quad_of(LOBE_DIRECTION
 #endif
 #endif
 
-// The moments of quad q are quad 2q, the first ones, and quad 2q + 1, the second ones; or quad q where both are packed in a word. Gradients
-// that wait for a step are quad q. What else there is beside harmonics says adam.glsl.
+// The first moments of quad q are quad 2q and the second ones quad 2q + 1, or both are quad q if packed in
+// one word. Gradients that wait for a step are quad q. The harmonics have more planes, see adam.glsl.
 #ifdef GEOMETRY_MOMENTS
 layout(set = 0, binding = GEOMETRY_MOMENTS, scalar) buffer GeometryMoments { vec4 geometry_moments[]; };
 layout(set = 0, binding = SH_MOMENTS, scalar) buffer ShMoments { vec4 sh_moments[]; };

@@ -1,9 +1,11 @@
-// Moments of a number, Adam's or the first and the curvature, and both in one word.
+// The two moments of a number (Adam's, or the first moment and the curvature), and their packing into one
+// word.
 struct Moments { float first, second; };
 
-// Each in 16 bits, what float32 has of it less the rest: 2^-8 of the second moment, which has no sign, and 2^-7 of the first.
-// A second moment moves by a thousandth of itself in a step, so what is cut off decides by a draw whether it is rounded up: on
-// average nothing is lost. `dither`: 32 random bits.
+// Each takes 16 bits, a float32 without its lower bits. The second moment, which has no sign, is exact to
+// 2^-8 and the first to 2^-7.
+// A second moment moves by a thousandth of itself in a step, so a random draw decides whether it is rounded
+// up or down: on average nothing is lost. `dither`: 32 random bits.
 uint pack_moments(Moments m, uint dither) {
     uint second = (floatBitsToUint(m.second) + (dither & 0x7FFFu)) >> 15; // guard: rounded by a draw
     return second << 16 | (floatBitsToUint(m.first) + (dither >> 16)) >> 16;
@@ -11,8 +13,9 @@ uint pack_moments(Moments m, uint dither) {
 
 Moments unpack_moments(uint word) { return Moments(uintBitsToFloat(word << 16), uintBitsToFloat(word >> 16 << 15)); }
 
-// The first moments of three channels in 10 bits each, by how many `roots` of its curvature each is: a sign, 5 bits of an exponent from
-// 2^-28 to 8 and 4 of what follows, rounded by a draw too. What is less counts as none.
+// Packs the first moments of three channels into 10 bits each, as multiples of `roots`, the root of the
+// curvature. A sign, 5 bits of an exponent from 2^-28 to 8 and 4 bits of mantissa, rounded by a draw too.
+// Smaller numbers become 0.
 const uint BAND_CUT = 19, BAND_LEAST = 99u << 4;
 
 uint pack_firsts(vec3 first, vec3 roots, uint dither) {
@@ -36,7 +39,7 @@ vec3 unpack_firsts(uint word, vec3 roots) {
     return first;
 }
 
-// Bits by Gaussian, plane and step (a mix of Wellons, "Prospecting for hash functions", 2018).
+// Random bits by Gaussian, plane and step (a mix of Wellons, "Prospecting for hash functions", 2018).
 uint dither_of(uint number, uint plane, uint step) {
     uint x = number + plane * 0x9E3779B9u + step * 0x85EBCA6Bu;
     x = (x ^ x >> 16) * 0x7FEB352Du;

@@ -1,11 +1,12 @@
-// A gradient record (shared/records.glsl) in four words in place of nine.
+// A gradient record (shared/records.glsl) packed into four words instead of nine.
 //
-// Words 0 to 2 hold centre, shape and colour: three numbers of 10 bits each, in units of a power of two that follows the largest of
-// them, so that each is right to a 512th of the largest. Word 3 has the exponents of these units, as float32 has its own, a byte each:
-// of the centre's first two, of the shape, of the colour and of the opacity, which is the centre's third and of another size.
-// Bit 30 of word 0 is the mark of a Gaussian whose opacity alone learns, which stands where the centre's first number would.
-// What is below 2^-118 counts as 0; what is not finite comes out not finite.
-layout(constant_id = 11) const bool PACKED_RECORDS = false; // those of intersections
+// Words 0 to 2 are centre, shape and colour: three numbers of 10 bits each, in units of a power of two
+// derived from the largest of the three, so each is exact to a 512th of the largest. Word 3 has the exponents
+// of these units, biased like float32's, a byte each: of the centre's first two numbers, of the shape, of the
+// colour and of the opacity. The opacity is the centre's third number and has its own magnitude.
+// Bit 30 of word 0 marks a Gaussian that learns only its opacity, in place of the centre's first number.
+// Numbers below 2^-118 become 0; numbers that are not finite stay not finite.
+layout(constant_id = 11) const bool PACKED_RECORDS = false; // records of intersections only
 
 const uint OPACITY_MARK = 1u << 30;
 

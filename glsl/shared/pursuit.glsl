@@ -1,7 +1,9 @@
-// Residual pursuit (method, section 7): supplementary and plain Gaussians placed by what they gain in all training views at once.
+// Types and helpers of residual pursuit (method, section 7), which places supplementary and plain Gaussians
+// by their gain in all training views at once.
 //
-// What photographs and renders differ by lies in a pyramid for each view: level k is blurred by FIRST_BLUR * 2^k px and has one texel
-// for 2^k * 2^k pixels. Views lie in pages, since no device binds all of a large dataset at once.
+// The difference between photograph and render lies in a pyramid for each view: level k is blurred by
+// FIRST_BLUR * 2^k px and has one texel for 2^k * 2^k pixels. Views lie in pages, since no device binds all
+// of a large dataset at once.
 #include "view.glsl"
 #include "unit.glsl" // FLOAT_MAX
 #include "trig.glsl"
@@ -9,25 +11,26 @@
 const uint LEVELS = 3;
 const float FIRST_BLUR = 0.7;   // px, standard deviation
 const float NEXT_BLUR = 1.2124; // texels of the level below, so that variances add up to the double deviation: sqrt(3) * 0.7
-const uint WIDTHS = 6;          // of lobes that are tried; the last stands for none
-const uint SUMS = 10;           // of a size and a width, see pursuit_score
+const uint WIDTHS = 6;          // number of lobe widths tried; the last one means no lobe
+const uint SUMS = 10;           // per size and lobe width, see pursuit_score
 const uint ERROR_BLOCK = 256;   // pixels
 const uint CELL = 2;            // px
-const float REACH = 2.5;        // standard deviations within which a choice changes what is left
-const float CORE = 0.5;         // standard deviations that a candidate has for itself in its round
-const float WINDOW_SLACK = 1e-3; // px: whole numbers of pixels, as 2.5 deviations of 2 px, are not rounded up for a rounding
-const float WHOLE = 65536.0;    // of `explained`: all of a residual is explained
-const float WIDEST = 3.2;       // px: footprints beyond are scored as this one
+const float REACH = 2.5;        // standard deviations within which a chosen candidate changes the residual
+const float CORE = 0.5;         // standard deviations within which no other candidate is chosen in the same round
+const float WINDOW_SLACK = 1e-3; // px: a whole number of pixels, such as 2.5 deviations of 2 px, is not rounded up for a rounding error
+const float WHOLE = 65536.0;    // unit of `explained`: all of a residual is explained
+const float WIDEST = 3.2;       // px: larger footprints are scored at this size
 
-// Where a view lies in its page, and its errors among all.
+// First indices of a view in the buffers of its page, and of its errors among those of all views.
 struct Plot {
     uint texel_first; // of level 0; the next levels follow
-    uint pixel_first; // of depths, errors and remains
+    uint pixel_first; // of surface_depths, errors and explained
     uint cell_first;
     uint block_first; // number of its first block of ERROR_BLOCK pixels, among those of all views
 };
 
-// What lies beneath a footprint, sRGB: means of photograph minus render and of the render, and what varies about them, summed over channels.
+// Statistics of a view beneath a footprint, sRGB: means of photograph minus render and of the render, and
+// their covariance and variance, summed over channels.
 struct Beneath {
     vec3 difference;
     vec3 render;
@@ -35,7 +38,7 @@ struct Beneath {
     float variance;   // of the render
 };
 
-// The same in eight halves.
+// Beneath, packed into eight halves.
 struct Texel {
     uint difference_rg;
     uint difference_b_render_r;
@@ -65,7 +68,7 @@ void add_texel(inout Beneath sum, float weight, Beneath under) {
 struct Candidate {
     vec3 mean;       // from the model's origin, scene units
     vec3 toward;     // unit, to the camera of the view that it was drawn in
-    float px;        // scene units that a pixel of that view covers at its depth
+    float px;        // scene units that a pixel covers at its depth, in the view that it was drawn in
     float theta_bar; // angle to the nearest other training view, radians
     uint view;       // NONE: no candidate
     uint pixel;      // of that view
@@ -75,11 +78,11 @@ struct Candidate {
 struct Fit {
     float sigma;   // standard deviation, scene units
     float opacity; // 0 to 1
-    float width;   // T of the lobe; 0: none, a plain Gaussian
+    float width;   // T of the lobe; 0: no lobe, a plain Gaussian
     vec3 colour;   // sRGB
-    float gain;    // fall of the squared error over all views, px; 0: none
-    float support; // sum of the squares of the lobe's factors in all views, each times the footprint's area, px: C of pursuit_score
-    float plain;   // what the best without a lobe gains, if it gains anything
+    float gain;    // decrease of the squared error over all views, px; 0: none
+    float support; // sum over views of the squared lobe factor times the footprint's area, px: C of pursuit_score
+    float plain;   // gain of the best fit without a lobe, 0 if it gains nothing
 };
 
 // The texels of level k of a view: first, width, height.
@@ -99,17 +102,20 @@ float lobe_factor(float theta, float width) {
     return psi < PI ? 0.5 * (cos_sin(psi).x + 1.0) : 0.0;
 }
 
-// T of width w of WIDTHS; 0 for none. The paper's T = 7 theta_bar / pi (method, section 4) and its half, double, ... are tried.
+// T of width w of WIDTHS; 0 for no lobe. Tries half the paper's T = 7 theta_bar / pi (method, section 4),
+// that T, its double, ...
 float lobe_width(uint w, float theta_bar) {
     return w == WIDTHS - 1 ? 0.0 : clamp(exp2(float(w) - 1.0) * 7.0 * theta_bar / PI, 0.01, 1.0);
 }
 
-// Scene units of a Gaussian that covers `size` px, dilation included, where a pixel covers `px` scene units.
+// Standard deviation, in scene units, of a Gaussian that covers `size` px, dilation included, if a pixel
+// covers `px` scene units.
 float sigma_of(float size, float px) { return sqrt(max(size * size - DILATION, 0.1)) * px; }
 
 float angle_between(vec3 a, vec3 b) { return angle_of(length(cross(a, b)), dot(a, b)); }
 
-// Where a point is seen in a view: pixels, and camera z. False outside of the image and before the near plane.
+// Projects a point into a view: pixels, and camera z. False outside of the image and in front of the near
+// plane.
 bool project_point(View view, vec3 mean, out vec3 at) {
     vec3 p = to_camera(view, mean);
     at = vec3(0.0);
@@ -124,16 +130,16 @@ layout(set = 0, binding = 1, scalar) readonly buffer Plots { Plot plots[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer SurfaceDepths { float surface_depths[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer Candidates { Candidate candidates[]; };
 
-// How a view sees a candidate.
+// A candidate as seen in one view.
 struct Sight {
     vec2 at;       // px
     uint pixel;
     float z;       // camera z
-    float theta;   // between this camera and the one of the view that it was drawn in
+    float theta;   // angle between this camera and the camera that it was drawn in
 };
 
-// False where it is outside of the image, or lies SAME_DEPTH behind the view's own surface, which hides it. What hovers before a surface is
-// seen. The view that it was drawn in sees it always.
+// False if the candidate is outside of the image, or hidden: SAME_DEPTH or more behind the view's own
+// surface. A candidate in front of the surface is seen. The view that it was drawn in always sees it.
 const float SAME_DEPTH = 0.05;
 bool sees(uint v, View view, Candidate c, out Sight s) {
     vec3 at;
@@ -150,13 +156,14 @@ bool sees(uint v, View view, Candidate c, out Sight s) {
     return true;
 }
 
-// Standard deviation in pixels of a view of a round Gaussian of `sigma` scene units.
+// Standard deviation, in a view's pixels, of a round Gaussian of `sigma` scene units.
 float footprint_px(View view, float z, float sigma) {
     float px = sigma * view.fx / z;
     return min(sqrt(px * px + DILATION), WIDEST);
 }
 
-// The pixels within `px` of a candidate's, and what it takes to make that a whole number: first and last column and row, as (x, y, x, y).
+// The pixels within `px` of a candidate's pixel, rounded up to a whole number: first and last column and row,
+// as (x, y, x, y).
 uvec4 window_of(View view, Sight s, float px) {
     ivec2 centre = ivec2(s.pixel % view.width, s.pixel / view.width);
     int reach = int(ceil(px - WINDOW_SLACK));
@@ -167,7 +174,8 @@ uvec4 window_of(View view, Sight s, float px) {
 #ifdef PURSUIT_TEXELS
 layout(set = 0, binding = PURSUIT_TEXELS, scalar) readonly buffer Texels { Texel texels[]; };
 
-// What lies beneath a footprint of about `deviation` px: the level that is nearest, between its four texels.
+// The view's statistics beneath a footprint of about `deviation` px: from the nearest level, interpolated
+// between four texels.
 Beneath look(Plot plot, View view, vec2 at, float deviation) {
     uint k = uint(clamp(floor(log2(deviation / FIRST_BLUR) + 0.5), 0.0, float(LEVELS - 1)));
     uvec3 level = level_of(plot, view.width, view.height, k);

@@ -1,6 +1,7 @@
-// What the three kernels of a radix sort pass agree on.
-// Satish, Harris and Garland, "Designing Efficient Sorting Algorithms for Manycore GPUs", 2009; here a subgroup, not a
-// workgroup, owns a block. No workgroup waits for another, so no forward progress between them is assumed.
+// Digits of a radix sort pass, shared by its three kernels.
+// Satish, Harris and Garland, "Designing Efficient Sorting Algorithms for Manycore GPUs", 2009. Here a
+// subgroup, not a workgroup, owns a block. No workgroup waits for another, so no forward progress between
+// them is assumed.
 #include "blocks.glsl"
 
 // Width of the pass's digit, 1..10 bits.

@@ -1,10 +1,12 @@
-// The gradient record of an intersection, or, where blend_backward_atomic has added them up, of a Gaussian: nine sums over
-// pixels in whitened coordinates (see docs/design-notes.md), in three buffers so that each holds three times as many.
-// A Gaussian that learns its opacity alone has record_centres only, with 1 in x where a pixel blends it.
-// Where the kernel has a binding RECORD_WORDS and PACKED_RECORDS says so, those of intersections are packed into it instead.
+// The gradient record of an intersection, or of a Gaussian if blend_backward_atomic has added its records up.
+// A record is nine sums over pixels in whitened coordinates (see docs/design-notes.md), split over three
+// buffers so that each can hold three times as many.
+// A Gaussian that learns only its opacity has just record_centres, with 1 in x if a pixel blends it.
+// If the kernel has a binding RECORD_WORDS and PACKED_RECORDS is set, records of intersections are packed
+// into that binding instead.
 //
-// The kernel declares push.by_gaussian (records are by Gaussian, added up already), tile_counts and first_slot, and the bindings
-// RECORD_CENTRES, RECORD_SHAPES and RECORD_COLOURS.
+// The kernel declares push.by_gaussian (not 0: records are by Gaussian, added up already), tile_counts and
+// first_slot, and the bindings RECORD_CENTRES, RECORD_SHAPES and RECORD_COLOURS.
 const uint RECORD = 9; // floats: sum g w_u, g w_v, d/d opacity; g w_u^2, g w_u w_v, g w_v^2; d/d rgb
 layout(set = 0, binding = RECORD_CENTRES, scalar) readonly buffer RecordCentres { vec3 record_centres[]; };
 layout(set = 0, binding = RECORD_SHAPES, scalar) readonly buffer RecordShapes { vec3 record_shapes[]; };
@@ -15,7 +17,7 @@ layout(set = 0, binding = RECORD_WORDS, scalar) readonly buffer RecordWords { uv
 bool packed_records() { return PACKED_RECORDS && push.by_gaussian == 0; }
 #endif
 
-// Where the records of Gaussian i are: the first index and how many. Those of its intersections are contiguous.
+// The records of Gaussian i: first index and count. Those of its intersections are contiguous.
 uvec2 records_of(uint i) {
     if (push.by_gaussian != 0) return uvec2(i, 1); // guard: consumers told of atomics
     uint count = tile_counts[i];

@@ -1,17 +1,19 @@
-// How the kernels that filter along rows cut them, and how the partial derivatives lie that one leaves to the other.
+// Runs and strips of the SSIM kernels, which filter along rows, and the layout of the partial derivatives
+// that ssim_forward writes for ssim_backward.
 
-// Consecutive pixels of a row that one thread filters. Each run begins with the border's pixels, so the longer the fewer are read,
-// and the fewer threads there are.
+// Consecutive pixels of a row that one thread filters. Each run first reads the border's pixels, so longer
+// runs read fewer pixels but use fewer threads.
 layout(constant_id = 8) const uint RUN = 4;
 const uint RUNS = TILE / RUN;
 // Rows that pass through shared memory at a time; STRIP * RUNS is TILE at most.
 layout(constant_id = 9) const uint STRIP = 4;
-// Steps along a run that are written out: all of a short one, so that of the filter's sums only those of the run are in registers.
+// Steps of a run that are unrolled: all of a short run, so that only the run's own sums of the filter are in
+// registers.
 const uint PIECE = RUN < TILE ? RUN : 1;
 
-// The partial derivatives of a pixel's channel lie together, in strips of TILE * STRIP pixels, a plane for each channel, and within
-// a plane the place in the run is the slowest: the threads of a strip, each filtering its run, then read and write side by
-// side. A frame has room for tiles_per_frame tiles.
+// Layout of the partial derivatives: strips of TILE * STRIP pixels, within a strip a plane for each channel,
+// and within a plane the position in the run is the slowest index. The threads of a strip, each filtering its
+// run, thus access adjacent words. A frame has room for tiles_per_frame tiles.
 const uint STRIP_PIXELS = TILE * STRIP;
 const uint STRIP_SIZE = 3 * STRIP_PIXELS;
 

@@ -1,5 +1,5 @@
-// Sums of u32 that stop at 2^32 - 1 instead of wrapping: a wrapped total would look small and pass a capacity check.
-// min(a + b, 2^32 - 1) is associative, so the order of a scan does not show.
+// Sums of u32 that saturate at 2^32 - 1 instead of wrapping: a wrapped total would look small and pass a
+// capacity check. min(a + b, 2^32 - 1) is associative, so the order of a scan does not change its result.
 const uint SATURATED = 0xFFFFFFFFu;
 
 uint saturating_add(uint a, uint b) {

@@ -1,10 +1,10 @@
-// 2D Gaussians in image space (method, section 3): their planes, the ellipse that each is, and what the host and the kernels
-// say to each other about the views that they belong to.
+// 2D Gaussians in image space (method, section 3): their planes, their ellipses, and the per-view state that
+// host and kernels exchange.
 //
 // A 2D Gaussian is a column of `screen_planes` (planes x stride): 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px),
-// 8 angle (rad), 9 depth (camera z, 0 = none; sampled, not learned). Planes 0..8 have moments: of plane p the first is plane
-// 2p of `screen_moments`, the second 2p + 1. Its entry of `screen_frames` is the position of its view in the batch, NONE where
-// the slot is empty.
+// 8 angle (rad), 9 depth (camera z, 0 = none; sampled, not learned). Planes 0..8 have moments: the first moment of plane p is plane
+// 2p of `screen_moments`, the second 2p + 1. `screen_frames` has the position of its view in the batch, or NONE if the slot is
+// empty.
 #include "trig.glsl"
 
 const uint CENTRE = 0, COLOUR = 2, LOGIT = 5, LOG_SCALE = 6, ANGLE = 8, DEPTH = 9;
@@ -13,18 +13,19 @@ const uint SCREEN_PLANES = 10;
 
 // The slots of a view: first..first + budget.
 struct Quota {
-    uint view; // in the dataset: what is drawn for a view does not depend on its batch
+    uint view; // index in the dataset, so that a view's draws do not depend on its batch
     uint first;
     uint budget;
 };
 
-// What becomes of a view's Gaussians. A draw that fills the budget is followed by a round of steps and a prune like any other.
-const uint WAITING = 0; // nothing: they are as they are, and are not rendered
+// Phase of a view's Gaussians. After a draw that fills the budget come one more round of steps and one more
+// prune.
+const uint WAITING = 0; // not rendered, and unchanged
 const uint DRAWING = 1; // rendered, stepped and pruned, and more are drawn
-const uint FILLED = 2;  // the same for one more round, without a draw at its end
+const uint FILLED = 2;  // rendered, stepped and pruned for one more round, without a draw at its end
 
 struct ScreenState {
-    uint count; // places taken after the last draw
+    uint count; // slots taken after the last draw
     uint mode;
 };
 
@@ -36,9 +37,10 @@ struct ScreenShape {
 };
 
 
-// Standard deviations, px (method, section 3): 0.005 of the shorter side at first, at most 50 and 0.01 of width + height. In
-// images of less than 120 pixels the first would be below the dilation's own sqrt(0.3): compensation makes such a Gaussian
-// invisible at its opacity of 0.02, and it never learns. So it begins at 0.6 px there, and may grow to twice that.
+// Standard deviations, px (method, section 3): 0.005 of the shorter side at first, at most 50 and 0.01 of
+// width + height. In images of less than 120 pixels the first would be below the dilation's own sqrt(0.3):
+// compensation makes such a Gaussian invisible at its opacity of 0.02, and it never learns. It therefore
+// starts at 0.6 px at least, and may grow to twice that.
 const float FIRST_SCALE_MIN = 0.6;
 float first_scale(uint width, uint height) { return clamp(0.005 * float(min(width, height)), FIRST_SCALE_MIN, 50.0); }
 float scale_max(uint width, uint height) {

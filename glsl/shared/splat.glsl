@@ -1,5 +1,5 @@
-// What projection leaves of a Gaussian in one view, beside its colour (`splat_colours`) and depth (`depth_keys`), and the
-// ellipse that it covers.
+// A Gaussian projected into one view, without its colour (`splat_colours`) and depth (`depth_keys`), and the
+// tiles that its ellipse covers.
 struct Splat {
     vec4 shape;  // factor of the conic (l11, l12, l22): w = (l11 dx + l12 dy, l22 dy), exponent -|w|^2/2; opacity: sigmoid(logit) *
                  // lobe * compensation
@@ -12,13 +12,14 @@ const float T_MIN = 1e-4;            // transmittance at which a pixel is finish
 
 // Columns of tiles that the splat touches in tile row `row`, as (first, last); first > last if none.
 //
-// The ellipse |w|^2 <= t with t = 2 ln(255 opacity) is what alpha >= 1/255 means. Over the band of pixel centres of the row
-// its right end is at dy = -l12 sqrt(t) / (l22 sqrt(l12^2 + l22^2)), its left end at minus that, each moved to the band where
-// it lies outside. `t` is wider than exact by 1e-4 (1 + t) and the span by 1e-3 px: over ten times the rounding of float32 on
-// t <= 11 and on coordinates up to 2^13, in x also by 16 roundings of how far off its centre and its ends lie; so a tile may
-// be listed in vain but is never left out. In y the wider t is enough: 5e-5 of the half height, and what is in view is not much
-// farther off.
-// `precise`: projection counts what emit lists, so they must come to the same tiles, compiled into two kernels or not.
+// alpha >= 1/255 holds in the ellipse |w|^2 <= t with t = 2 ln(255 opacity). Over the band of pixel centres
+// of the row its right end is at dy = -l12 sqrt(t) / (l22 sqrt(l12^2 + l22^2)), its left end at minus that,
+// each clamped to the band.
+// `t` is wider than exact by 1e-4 (1 + t) and the span by 1e-3 px: over ten times the rounding of float32 on
+// t <= 11 and on coordinates up to 2^13. In x the span is also wider by 16 roundings of the distance of the
+// splat's centre and ends. So a tile may be listed in vain but is never omitted. In y the wider t is enough:
+// it adds 5e-5 of the half height, and a splat in view is not much farther off.
+// `precise`: projection counts the tiles that emit lists, so both kernels must compute the same ones.
 const float SPAN_PAD = 1e-3, SPAN_PAD_RELATIVE = 1.0 / 1048576.0;
 
 ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
@@ -40,7 +41,7 @@ ivec2 tile_span(Splat s, int row, uvec2 tile, uvec2 size) {
     precise float w_r = s.shape.z * dy_r, w_l = s.shape.z * dy_l;
     precise float right = s.centre.x + (sqrt(max(t - w_r * w_r, 0.0)) - s.shape.y * dy_r) / s.shape.x + pad;
     precise float left = s.centre.x - (sqrt(max(t - w_l * w_l, 0.0)) + s.shape.y * dy_l) / s.shape.x - pad;
-    // Kept within one pixel of the image before the conversion: huge floats have no int.
+    // Clamped to within one pixel of the image before the conversion: huge floats have no int.
     // guard: columns of huge splats (2 lines)
     precise float first = ceil(clamp(left - 0.5, -1.0, float(size.x)));
     precise float last = floor(clamp(right - 0.5, -1.0, float(size.x)));

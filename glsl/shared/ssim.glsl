@@ -1,20 +1,20 @@
-// What the kernels of the L1 + SSIM loss agree on: frames, tiles, the window, and how the partial derivatives lie.
+// Tiles and window of the L1 + SSIM loss, shared by its kernels.
 // Wang et al., "Image Quality Assessment: From Error Visibility to Structural Similarity", 2004; loss as in Kerbl et al.,
 // "3D Gaussian Splatting", 2023: (1 - SSIM_WEIGHT) * mean |x - y| + SSIM_WEIGHT * (1 - mean SSIM), means over pixels and
 // channels. Outside the image both pictures are 0 and the window's weights are not renormalised (conv2d, padding 5).
 
 #include "frame.glsl"
 
-// Everything here is laid out for this workgroup size: 3 channels * (TILE + 2 * RADIUS) columns fit into it.
+// This workgroup size fits 3 channels * (TILE + 2 * RADIUS) columns; the kernels rely on it.
 const uint WORKGROUP = 128;
-// Pixels of a tile's side. A workgroup does one tile.
+// Side of a tile, px. A workgroup takes one tile.
 const uint TILE = 32;
 const int RADIUS = 5;
-// (0.01 * 1)^2 and (0.03 * 1)^2, the range of a channel being 1.
+// (0.01 * 1)^2 and (0.03 * 1)^2; the range of a channel is 1.
 const float C1 = 0.01 * 0.01;
 const float C2 = 0.03 * 0.03;
-// Moments are of x - MIDDLE and y - MIDDLE, -MIDDLE outside the image. Covariances stay what they are, since with the
-// padding the weights add up to 1, and have a quarter of the float32 error that those of x and y would have.
+// Moments are those of x - MIDDLE and y - MIDDLE, -MIDDLE outside the image. Covariances stay the same, since
+// with the padding the weights add up to 1. Their float32 error is a quarter of that with x and y.
 const float MIDDLE = 0.5;
 
 // The window: exp(-d^2 / (2 * 1.5^2)) for d = 0..5, divided by the sum over -5..5.
@@ -30,8 +30,8 @@ const float W3 = E3 * W0;
 const float W4 = E4 * W0;
 const float W5 = E5 * W0;
 
-// Ten unfinished sums of the filter in transposed form: a sample is added to all windows that hold it as it comes by, so
-// it is read once and nothing is shifted. s0 lacks one sample, s9 ten.
+// Ten unfinished sums of the filter in transposed form. Each sample is added to all windows that contain it
+// as it comes by, so it is read once and nothing is shifted. s0 lacks one sample, s9 ten.
 #define FILTER(T, NAME) \
     struct NAME { T s0, s1, s2, s3, s4, s5, s6, s7, s8, s9; }; \
     /* Takes the next sample; the answer is centred on the sample of RADIUS steps before. */ \
@@ -71,8 +71,8 @@ float target_channel(uint packed, uint channel) {
     return float(packed >> 8 * channel & 0xFFu) / 255.0;
 }
 
-// Whether a packed pixel counts: its alpha is 0 where a mask leaves it out. There the loss is that of a render that equals the
-// photograph, and has no gradient.
+// False if a mask leaves out a packed pixel: its alpha is 0. The loss there is that of a render equal to the
+// photograph, without a gradient.
 bool counts(uint packed) {
     return packed >> 24 != 0;
 }

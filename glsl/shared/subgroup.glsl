@@ -1,4 +1,5 @@
-// Subgroups: the device's own, or software ones that give tests subgroups of 32 and 64 lanes on a device that has fewer.
+// Subgroup operations: the device's own, or a software version that gives tests subgroups of 32 and 64 lanes
+// on a device with smaller ones.
 #ifndef SOFTWARE_SUBGROUPS
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_vote : require
@@ -6,13 +7,16 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #else
-// The same names and meanings, through shared memory and barriers of the workgroup. So every thread of the workgroup must come to
-// each operation as often as any other, which is what `Reconvergence::OneSubgroup` asks of kernels too: a subgroup that works for
-// itself is alone in its workgroup, others meet where the whole workgroup does.
-// glsl/generate.rs puts `software_` in place of `gl_` in the names of subgroup built-ins, as those can be neither defined nor declared.
+// Defines the same names with the same meanings, through shared memory and workgroup barriers. So every
+// thread of the workgroup must reach each operation equally often, which `Reconvergence::OneSubgroup`
+// requires of kernels too. A kernel whose subgroups work independently has one subgroup in its workgroup;
+// other kernels call the operations in uniform control flow of the workgroup.
+// glsl/generate.rs replaces `gl_` by `software_` in the names of subgroup built-ins, which can be neither
+// defined nor declared.
 //
-// llvmpipe ends a kernel's loops without notice after 65,535 iterations of all of them together, upon which lanes no longer meet at
-// barriers. So what loops over tiles call has no loop that is left when it is compiled, and scans go through LOOK lanes a round.
+// llvmpipe silently ends a kernel's loops after 65,535 iterations of all its loops together, after which
+// lanes no longer meet at barriers. So operations called in loops over tiles contain only loops that compile
+// to straight code, and scans go through LOOK lanes a round.
 
 layout(constant_id = 100) const uint software_SubgroupSize = 32;
 #define software_SubgroupID (gl_LocalInvocationIndex / software_SubgroupSize)
@@ -39,11 +43,12 @@ layout(constant_id = 100) const uint software_SubgroupSize = 32;
 #define subgroupMax software_max
 
 const uint LOOK = 8;
-// Used by turns: who shows a value is done with the last one but one, as all met after it.
+// Two halves used in turn: a lane that writes one half knows that all have read its previous content, since
+// all met after that.
 shared uvec4 software_words[2 * gl_WorkGroupSize.x];
 uint software_turn = 0;
 
-// Shows a value of each lane to the others.
+// Writes a value of each lane for the others to read.
 void software_show(uvec4 value) {
     software_turn = gl_WorkGroupSize.x - software_turn;
     software_words[software_turn + gl_LocalInvocationIndex] = value;
@@ -60,7 +65,7 @@ uvec4 software_mask(uint lane) {
     return uvec4(bits, 0, 0);
 }
 
-// To and from words.
+// Conversion to and from words.
 uvec4 software_put(uvec4 x) { return x; }
 uvec4 software_put(uint x) { return uvec4(x, 0, 0, 0); }
 uvec4 software_put(int x) { return uvec4(uint(x), 0, 0, 0); }
@@ -100,7 +105,8 @@ SOFTWARE_SHUFFLE(vec2)
 SOFTWARE_SHUFFLE(vec3)
 SOFTWARE_SHUFFLE(vec4)
 
-// Over all lanes: those of four neighbours, of four such fours, of four of these. Every lane adds up the same in the same order.
+// Reduces over all lanes: groups of four neighbours, then four such groups, then four of those. Every lane
+// combines the same values in the same order.
 #define SOFTWARE_REDUCE(NAME, T, COMBINE) \
     T NAME(T value) { \
         T sum = value; \
@@ -130,7 +136,7 @@ SOFTWARE_REDUCE(software_max, float, max(sum, other))
 SOFTWARE_REDUCE(software_max, vec3, max(sum, other))
 SOFTWARE_REDUCE(software_or, uvec4, sum | other)
 
-// Over the lanes `IF`.
+// Sums over the lanes for which `IF` holds.
 #define SOFTWARE_SCAN(NAME, IF) \
     uint NAME(uint value) { \
         software_show(software_put(value)); \

@@ -1,15 +1,16 @@
-// Sums over what lies in a row for each lane, in this order on every device.
+// Sums over a contiguous range for each lane, in the same order on every device.
 //
-// The kernel defines SUMS, how many there are, and `add(at, sums)`, which adds what lies at index `at`. All lanes of a subgroup call
-// sum_over: it has subgroup operations.
+// The kernel defines SUMS, the number of sums, and `add(at, sums)`, which adds the item at index `at`. All
+// lanes of a subgroup must call sum_over, which has subgroup operations.
 const uint MANY = 256; // guard: sum of many slots by the whole subgroup
 const uint UNROLL = 4; // guard: sum: several slots an iteration
 
 void add(uint at, inout float sums[SUMS]);
 
-// From index `own.x` on, `own.y` in all. Of more than MANY the whole subgroup sums, so that a Gaussian which fills the screen holds
-// nobody up; UNROLL at a time, for llvmpipe ends a kernel's loops after 65,535 iterations of all of them together: 8 lanes that each
-// fill an image of 3840 x 2160 (129,600 tiles of 8 x 8) need 32,400.
+// Sums `own.y` items from index `own.x` on. If there are more than MANY, the whole subgroup sums them, so
+// that a Gaussian that fills the screen does not hold up others. It takes UNROLL at a time: llvmpipe ends a
+// kernel's loops after 65,535 iterations of all its loops together, and 8 lanes that each fill an image of
+// 3840 x 2160 (129,600 tiles of 8 x 8) need 32,400.
 void sum_over(uvec2 own, out float sums[SUMS]) {
     [[unroll]] for (uint r = 0; r < SUMS; ++r) sums[r] = 0.0;
     if (own.y <= MANY) {

@@ -1,22 +1,25 @@
 // How a subgroup covers a tile, shared by blending and its backward pass.
 //
-// One subgroup takes one tile of TILE_WIDTH x TILE_HEIGHT pixels; a lane takes PIXELS of them, in one column, so that the
-// offset in x is computed once. TILE_WIDTH divides the subgroup size and TILE_WIDTH * TILE_HEIGHT = subgroup size * PIXELS.
-// A lane loads one splat, then all are handed round: one load instruction serves a whole subgroup of splats.
+// One subgroup takes one tile of TILE_WIDTH x TILE_HEIGHT pixels. A lane takes PIXELS of its pixels, in one
+// column, so that the offset in x is computed once. TILE_WIDTH divides the subgroup size and TILE_WIDTH *
+// TILE_HEIGHT = subgroup size * PIXELS.
+// A lane loads one splat, then all lanes' splats are broadcast in turn: one load instruction serves a whole
+// subgroup of splats.
 layout(constant_id = 1) const uint TILE_WIDTH = 8;
 layout(constant_id = 2) const uint TILE_HEIGHT = 8;
 layout(constant_id = 3) const uint PIXELS = 8;
-// A subgroup's splats in one piece of code, where lanes are constants and meet by shuffles, and no branches at pixels: as a CPU likes it.
+// Unrolls over a subgroup's splats: lane indices are constants, lanes exchange values by shuffles, and pixels
+// have no branches. This suits a CPU.
 layout(constant_id = 4) const bool UNROLLED = false;
-// Not every tile is taken, but the tile_list_count[0] of tile_list, see tile_ranges.
+// Takes only the tile_list_count[0] tiles of tile_list, see tile_ranges.
 layout(constant_id = 10) const bool LISTED = false;
 const uint LANES = TILE_WIDTH * TILE_HEIGHT / PIXELS;
 
 uint lane_x() { return gl_SubgroupInvocationID % TILE_WIDTH; }
 uint lane_y(uint k) { return gl_SubgroupInvocationID / TILE_WIDTH + k * (gl_SubgroupSize / TILE_WIDTH); }
 
-// What lane `j` holds, and the sum over lanes, both for all of them. llvmpipe goes from lane to lane for either, but shuffles by
-// constants in one instruction.
+// Lane `j`'s value, and the sum over lanes, both returned to every lane. llvmpipe goes from lane to lane for
+// either, but shuffles by constants in one instruction.
 #define HANDED(T) T handed(T x, uint j) { return UNROLLED ? subgroupShuffle(x, j) : subgroupBroadcast(x, j); }
 HANDED(uint)
 HANDED(float)

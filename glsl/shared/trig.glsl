@@ -1,13 +1,15 @@
 #ifndef TRIG
 #define TRIG
-// Sines, cosines and angles of our own: Vulkan grants a driver's sine and cosine an error of 2^-11, and that only within [-pi, pi], and
-// its arc tangent 4096 units in the last place. A lobe's exponent of up to 2981 makes 1e-2 of its gradients of that.
+// Own sines, cosines and angles. Vulkan grants a driver's sine and cosine an error of 2^-11, and that only
+// within [-pi, pi], and its arc tangent 4096 units in the last place. With a lobe's exponent of up to 2981
+// that would be an error of 1e-2 in its gradients.
 //
-// Polynomials of Cephes (Moshier 1989) on reduced ranges, in plain multiplications and additions. Errors, measured in float32: sine and
-// cosine 1e-7, cosine near pi/2 1.2e-7 of its value, angles 2.3e-7 of theirs.
+// Polynomials of Cephes (Moshier 1989) on reduced ranges, in plain multiplications and additions. Relative
+// errors, measured in float32: sine and cosine 1e-7, cosine near pi/2 1.2e-7, angles 2.3e-7.
 
-// Cosine and sine of |x| <= 2^13: x less the nearest multiple of pi/2, which is taken off in three parts that float32 holds exactly.
-// `precise`, so that two kernels that decide by it (lift_count, lift_points) have the same bits.
+// Cosine and sine of |x| <= 2^13, reduced by the nearest multiple of pi/2, which is subtracted in three parts
+// that float32 holds exactly.
+// `precise`, so that two kernels that decide by it (lift_count, lift_points) get the same bits.
 vec2 cos_sin(float x) {
     precise float turns = round(x * 0.63661977);
     precise float r = ((x - turns * 1.5703125) - turns * 4.8375129699707031e-4) - turns * 7.549790126404332e-8;
@@ -19,7 +21,7 @@ vec2 cos_sin(float x) {
     return vec2(quarter == 1 || quarter == 2 ? -turned.x : turned.x, quarter >= 2 ? -turned.y : turned.y);
 }
 
-// Angle from 0 to pi of a vector (x, y), y >= 0, of no particular length. Any number, or none, for (0, 0).
+// Angle from 0 to pi of a vector (x, y), y >= 0, of any length. Unspecified, maybe NaN, for (0, 0).
 float angle_of(float y, float x) {
     float a = min(abs(x), y) / max(abs(x), y);
     bool steep = a > 0.41421356;

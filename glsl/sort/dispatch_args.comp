@@ -1,8 +1,9 @@
 #version 460
-// Turns a count on the GPU into an indirect dispatch, and keeps it within what the buffers hold.
+// Turns a count on the GPU into an indirect dispatch, clamped to the buffers' capacity.
 //
-// One thread. count[count_index] is clamped to capacity; status says what the resource was asked for, and where that was more, that
-// it failed; nothing of NO_RESOURCE. dispatch_args[args_index..] is the VkDispatchIndirectCommand of the workgroups, see shared/dispatch.glsl.
+// One thread. count[count_index] is clamped to capacity. status records the demand for the resource and, if
+// it exceeds capacity, the failure; NO_RESOURCE records nothing. dispatch_args[args_index..] is the
+// VkDispatchIndirectCommand of the workgroups, see shared/dispatch.glsl.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/status.glsl"
@@ -15,7 +16,7 @@ layout(set = 0, binding = 2, scalar) buffer Status { uint status[]; };
 layout(push_constant, scalar) uniform Push {
     uint count_index;
     uint capacity;
-    uint items_per_group; // 0 is taken as 1
+    uint items_per_group; // 0 counts as 1
     uint args_index;      // words
     uint resource_index;  // see shared/status.glsl
 } push;

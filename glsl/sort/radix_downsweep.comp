@@ -1,8 +1,9 @@
 #version 460
-// Last of three kernels of a radix sort pass: every pair to its place, pairs of equal digit in their old order.
+// Last of three kernels of a radix sort pass: moves every pair to its place, pairs of equal digit in their
+// old order.
 //
-// A subgroup scatters one block of BLOCK pairs, row by row; the rank within a row comes from the lanes
-// that have the same digit. keys_in, values_in, block_counts, digit_totals -> keys_out, values_out.
+// A subgroup scatters one block of BLOCK pairs, row by row; the rank within a row comes from the lanes that
+// have the same digit. keys_in, values_in, block_counts, digit_totals -> keys_out, values_out.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/radix.glsl"
@@ -10,12 +11,13 @@
 
 // Keys of 0xFFFFFFFF are dropped, and the number of remaining keys goes to count[kept_index].
 layout(constant_id = 3) const bool COMPACT = false;
-// Lanes of a subgroup where they are few and known, so that each is a constant: on a CPU its value is then handed round by one
-// instruction, while a ballot goes through all lanes. 0: by ballots, one for each bit of a digit.
+// Number of lanes of a subgroup if small and known, so that lane indices are constants: a CPU then broadcasts
+// a value in one instruction, while a ballot goes through all lanes. 0: use ballots, one for each bit of a
+// digit.
 layout(constant_id = 4) const uint LANES = 0;
 // The value of a key is its index; values_in is not read.
 layout(constant_id = 5) const bool INDEXED = false;
-// As in radix_upsweep.
+// See radix_upsweep.
 layout(constant_id = 6) const uint ROW_LANES = 8;
 
 layout(set = 0, binding = 0, scalar) buffer Count { uint count[]; };
@@ -26,10 +28,10 @@ layout(set = 0, binding = 4, scalar) readonly buffer DigitTotals { uint digit_to
 layout(set = 0, binding = 5, scalar) writeonly buffer KeysOut { uint keys_out[]; };
 layout(set = 0, binding = 6, scalar) writeonly buffer ValuesOut { uint values_out[]; };
 
-// Where in count the number of keys lies; where the number kept goes (another place); lowest bit of the digit.
+// Indices in count of the number of keys and of the number kept (not the same); lowest bit of the digit.
 layout(push_constant, scalar) uniform Push { uint count_index; uint kept_index; uint shift; } push;
 
-// Where the next pair of each digit goes. A row per subgroup, as in radix_upsweep.
+// Place of the next pair of each digit. A row per subgroup, as in radix_upsweep.
 shared uint next_place[(gl_WorkGroupSize.x / ROW_LANES) * DIGITS];
 
 // The live lanes whose digit is this lane's, if it is live.
@@ -49,7 +51,7 @@ uvec2 same_digit(uint digit, bool live) {
     return peers;
 }
 
-// Whether no lane of these is after this one.
+// True if no lane of these is after this one.
 bool highest(uvec2 lanes) {
     uvec2 later = lanes & gl_SubgroupGtMask.xy;
     return (later.x | later.y) == 0;
@@ -58,7 +60,7 @@ bool highest(uvec2 lanes) {
 void main() {
     uint keys = count[push.count_index];
     uint block = subgroup_index();
-    // A compacting pass over no keys still has to say that none is left.
+    // A compacting pass over no keys must still report that none is left.
     if (!(block < blocks_for(keys) || (COMPACT && block == 0))) return; // guard: blocks of no keys
     uint lane = gl_SubgroupInvocationID;
     uint own = gl_SubgroupID * DIGITS;

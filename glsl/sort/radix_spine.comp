@@ -1,5 +1,5 @@
 #version 460
-// Second of three kernels of a radix sort pass: per digit, how many keys with it lie in earlier blocks.
+// Second of three kernels of a radix sort pass: for each digit, the number of keys with it in earlier blocks.
 //
 // A workgroup scans the columns of gl_SubgroupSize digits, one per lane; each of its subgroups takes a segment of the
 // blocks. block_counts in place, its column sums -> digit_totals.
@@ -12,7 +12,7 @@ layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) buffer BlockCounts { uint block_counts[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer DigitTotals { uint digit_totals[]; };
 
-// Where in count the number of keys lies.
+// Index in count of the number of keys.
 layout(push_constant, scalar) uniform Push { uint count_index; } push;
 
 shared uint segment_sums[gl_WorkGroupSize.x];

@@ -1,5 +1,5 @@
 #version 460
-// First of three kernels of a radix sort pass: how often each digit occurs in each block.
+// First of three kernels of a radix sort pass: counts each digit in each block.
 //
 // A subgroup counts one block of BLOCK keys in shared memory. keys_in -> block_counts[block * DIGITS + digit].
 #extension GL_GOOGLE_include_directive : require
@@ -9,17 +9,19 @@
 
 // Keys of 0xFFFFFFFF are not counted.
 layout(constant_id = 3) const bool COMPACT = false;
-// Lanes of a subgroup: as many rows of shared memory as a workgroup has subgroups, since what it takes more leaves fewer of them room.
+// Lanes of a subgroup, which set the number of rows of shared memory: one for each subgroup of a workgroup,
+// since more shared memory means fewer resident workgroups.
 layout(constant_id = 6) const uint ROW_LANES = 8;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer KeysIn { uint keys_in[]; };
 layout(set = 0, binding = 2, scalar) writeonly buffer BlockCounts { uint block_counts[]; };
 
-// Where in count the number of keys lies; lowest bit of the digit.
+// Index in count of the number of keys; lowest bit of the digit.
 layout(push_constant, scalar) uniform Push { uint count_index; uint shift; } push;
 
-// A row per subgroup: 8 KiB of subgroups of 8 lanes at a workgroup of 64 and digits of 8 bits, 2 KiB of those of 32.
+// A row per subgroup: 8 KiB with subgroups of 8 lanes at a workgroup of 64 and digits of 8 bits, 2 KiB with
+// 32 lanes.
 shared uint digit_counts[(gl_WorkGroupSize.x / ROW_LANES) * DIGITS];
 
 void main() {

@@ -1,8 +1,8 @@
 #version 460
-// Last of three kernels of the exclusive prefix sum: from where each block begins to where each item does.
+// Last of three kernels of the exclusive prefix sum: from the start of each block to the start of each item.
 //
-// A subgroup scans one block of BLOCK values, row by row. values (or values[index]), block_sums -> offsets, in the order
-// of the items. Sums saturate at 2^32 - 1; rows are scanned with care only in blocks that reach it.
+// A subgroup scans one block of BLOCK values, row by row. values (or values[index]), block_sums -> offsets,
+// in the order of the items. Sums saturate at 2^32 - 1; only blocks that reach it pay for saturating scans.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/blocks.glsl"
@@ -17,7 +17,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer Index { uint index[]; };
 layout(set = 0, binding = 3, scalar) readonly buffer BlockSums { uint block_sums[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Offsets { uint offsets[]; };
 
-// Where in count the number of items lies.
+// Index in count of the number of items.
 layout(push_constant, scalar) uniform Push { uint count_index; } push;
 
 void main() {
@@ -26,7 +26,7 @@ void main() {
     if (!(block < blocks_for(items))) return;
     uint end = min(items, (block + 1) * BLOCK);
     uint before = block_sums[block];
-    // Where the next block's beginning is not saturated, no sum within this block can have wrapped.
+    // If the start of the next block is not saturated, no sum within this block can have wrapped.
     bool exact = block_sums[block + 1] < SATURATED; // guard: blocks that may wrap
     for (uint row = block * BLOCK; row < end; row += gl_SubgroupSize) {
         uint i = row + gl_SubgroupInvocationID;

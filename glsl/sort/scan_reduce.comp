@@ -16,7 +16,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer Values { uint values[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Index { uint index[]; };
 layout(set = 0, binding = 3, scalar) writeonly buffer BlockSums { uint block_sums[]; };
 
-// Where in count the number of items lies.
+// Index in count of the number of items.
 layout(push_constant, scalar) uniform Push { uint count_index; } push;
 
 void main() {

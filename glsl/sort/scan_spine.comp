@@ -1,5 +1,5 @@
 #version 460
-// Second of three kernels of the exclusive prefix sum: from the blocks' sums to where each block begins.
+// Second of three kernels of the exclusive prefix sum: from the sum of each block to its start.
 //
 // One workgroup; each subgroup scans a segment of the blocks. block_sums, in place; block_sums[blocks] and
 // count[total_index] are the total. The buffer holds blocks + 1 values. Sums saturate at 2^32 - 1.
@@ -11,7 +11,7 @@
 layout(set = 0, binding = 0, scalar) buffer Count { uint count[]; };
 layout(set = 0, binding = 1, scalar) buffer BlockSums { uint block_sums[]; };
 
-// Where in count the number of items lies, and where the total goes (another place).
+// Indices in count of the number of items and of the total (not the same).
 layout(push_constant, scalar) uniform Push { uint count_index; uint total_index; } push;
 
 // One per subgroup; a subgroup has 8 lanes or more.
@@ -34,7 +34,8 @@ void main() {
 
     uint before = 0;
     for (uint s = 0; s < gl_SubgroupID; s++) before = saturating_add(before, segment_sums[s]);
-    // All subgroups go on for as long, since Vulkan promises that the lanes of one are together only where all go the same way.
+    // All subgroups loop equally often: Vulkan promises that a subgroup's lanes are together only in uniform
+    // control flow.
     for (uint row = 0; row < segment; row += gl_SubgroupSize) {
         uint i = begin + row + gl_SubgroupInvocationID;
         uint value = i < end ? block_sums[i] : 0;

@@ -1,20 +1,21 @@
 #version 460
-// Multiply-adds and nothing else: what a device can compute when nothing waits for memory.
+// Measures multiply-adds alone: a device's compute rate if nothing waits for memory.
 //
-// One thread runs CHAINS recurrences x <- factor * x + term, which do not wait for each other, `rounds` times DEPTH steps, and
+// One thread runs CHAINS independent recurrences x <- factor * x + term, for `rounds` times DEPTH steps, and
 // writes their sum. -> chain_sums (by thread)
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 
 // Enough to hide the latency of one multiply-add (4 to 5 cycles on GPUs and CPUs).
 layout(constant_id = 1) const uint CHAINS = 8;
-// Steps without a branch: what a loop costs by itself (llvmpipe masks every variable in one) is shared by so many.
+// Steps without a branch, over which the cost of the loop itself is spread (llvmpipe masks every variable in
+// a loop).
 layout(constant_id = 2) const uint DEPTH = 16;
 
 layout(push_constant, scalar) uniform Push {
     uint count;   // threads
     uint rounds;
-    float factor; // below 1, so that roundings fade
+    float factor; // below 1, so that rounding errors fade
     float term;
 } push;
 

@@ -1,4 +1,4 @@
-//! A Vulkan device, glint's own or the caller's.
+//! Opens or borrows a Vulkan device; everything on it is made from its [`Context`].
 
 use std::{
     collections::BTreeSet,
@@ -24,7 +24,7 @@ use super::{
     pools::{CommandSlot, destroy_slot},
 };
 
-/// How to open a device of our own.
+/// How to open glint's own device.
 #[derive(Debug, Clone, Default)]
 pub struct ContextOptions {
     /// Index in [`Context::devices`] or a part of a device's name; `None` takes the first discrete GPU, else any device.
@@ -32,35 +32,38 @@ pub struct ContextOptions {
     /// Turn the Khronos validation layer on, with synchronisation validation. Messages are kept in
     /// [`Context::validation_messages`] and printed on stderr.
     pub validation: bool,
-    /// Lanes of a subgroup: a power of two from 8 to 64 that the device offers. `None` takes what the device prefers.
+    /// Lanes of a subgroup: a power of two from 8 to 64 that the device offers. `None` takes the device's
+    /// preferred size.
     pub subgroup_size: Option<u32>,
     /// Run subgroup operations through shared memory even if the device's own subgroups could be used, with subgroups of
     /// [`subgroup_size`](Self::subgroup_size) lanes (by default 32). For tests of sizes that the device does not have.
     pub software_subgroups: bool,
-    /// Bytes of device memory that buffers may take together, where that is less than the device has to give. See [`Memory`](super::Memory).
+    /// Bytes of device memory that buffers may take together, if less than the device has. See
+    /// [`Memory`](super::Memory).
     pub memory_budget: Option<u64>,
-    /// What stands in for kernels on the host. A stage with a twin makes the recorder submit what it has and wait, so this is
-    /// for finding a stage that a driver compiles wrongly, not for work.
+    /// Functions that replace kernels on the host. The recorder submits and waits at each stage with a twin,
+    /// so this serves to find a stage that a driver miscompiles, not production work.
     pub twins: Vec<Twin>,
-    /// Compares the results of kernels, or of twins that stand in for them, with those of twins from the same inputs. Each dispatch is
-    /// submitted on its own then.
+    /// Compares the results of kernels, or of twins that replace them, with those of twins from the same
+    /// inputs. Each dispatch is then submitted on its own.
     pub judge: Option<Judge>,
-    /// For tests: after so many submissions every wait says that the device is lost. A CPU device never is by itself.
+    /// For tests: after this number of submissions every wait reports a lost device. A CPU device is never
+    /// lost by itself.
     pub lost_after: Option<u64>,
 }
 
 impl ContextOptions {
-    /// What the variables GLINT_DEVICE, GLINT_VALIDATION, GLINT_MEMORY_BUDGET (bytes), GLINT_SUBGROUP_SIZE, GLINT_SOFTWARE_SUBGROUPS
-    /// and GLINT_LOST_AFTER say; the latter three are for tests.
+    /// Options from the variables GLINT_DEVICE, GLINT_VALIDATION, GLINT_MEMORY_BUDGET (bytes),
+    /// GLINT_SUBGROUP_SIZE, GLINT_SOFTWARE_SUBGROUPS and GLINT_LOST_AFTER; the latter three are for tests.
     pub fn from_env() -> Self {
         let text = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
         ContextOptions {
             device: text("GLINT_DEVICE"),
             validation: text("GLINT_VALIDATION").is_some(),
-            // What is not a number is no size that a device offers, and is refused as such.
+            // An invalid number becomes 0, a size that no device offers, and is refused as such.
             subgroup_size: text("GLINT_SUBGROUP_SIZE").map(|size| size.parse().unwrap_or(0)),
             software_subgroups: text("GLINT_SOFTWARE_SUBGROUPS").is_some(),
-            // Nothing fits into a budget that is not a number, and the error says how large it is.
+            // An invalid number becomes a budget of 0: nothing fits, and the error reports its size.
             memory_budget: text("GLINT_MEMORY_BUDGET").map(|bytes| bytes.parse().unwrap_or(0)),
             twins: Vec::new(),
             judge: None,
@@ -72,56 +75,57 @@ impl ContextOptions {
 /// The caller's device. glint destroys none of it and submits to `queue` only through [`Recorder::submit`];
 /// while glint uses the queue the caller must not (Vulkan's external synchronisation).
 pub struct BorrowedDevice {
-    /// Of the loader that `instance` was made with.
+    /// The loader that `instance` was made with.
     pub entry: ash::Entry,
-    /// Of Vulkan 1.2 at least, as its application said when it was made.
+    /// Vulkan 1.2 or newer, as declared in its application info.
     pub instance: ash::Instance,
-    /// What `device` was made of.
+    /// The physical device of `device`.
     pub physical_device: vk::PhysicalDevice,
     /// Made with the extensions and features that [`Context::requirements`] names.
     pub device: ash::Device,
-    /// Of `queue`; it must take compute.
+    /// Family of `queue`; it must support compute.
     pub queue_family: u32,
-    /// Taken for [`Recorder::submit`] only.
+    /// Used for [`Recorder::submit`] only.
     pub queue: vk::Queue,
-    /// Which of the optional features it was made with, and with their extensions.
+    /// Optional features that the device was made with, including their extensions.
     pub optional: BTreeSet<Feature>,
     /// Pipelines are made with it; null for none. The caller keeps, saves and destroys it.
     pub pipeline_cache: vk::PipelineCache,
-    /// Gives glint the queue to itself, where others submit to it too; `None` where glint alone uses it.
+    /// Gives glint exclusive use of the queue if others submit to it too; `None` if only glint uses it.
     pub queue_lock: Option<QueueLock>,
     /// Names kernels and buffers for debuggers: `VK_EXT_debug_utils` is enabled on the instance.
     pub labels: bool,
-    /// Bytes of device memory that glint's buffers may take together, where that is less than the device has to give.
+    /// Bytes of device memory that glint's buffers may take together, if less than the device has.
     pub memory_budget: Option<u64>,
 }
 
-/// Calls what it is given, once, while nobody else uses the queue.
+/// Calls its argument once, while nobody else uses the queue.
 type WithQueue = dyn Fn(&mut dyn FnMut()) + Send + Sync;
 
-/// An engine's own lock of a queue that it shares with glint. It is taken for each submission, by the thread that submits (uploads that
-/// wait, downloads, [`Recorder::submit`]; neither [`Frames`](crate::pipelines::frames::Frames) nor
-/// [`Upload`](crate::pipelines::model::Upload) do), so a thread that holds it already must not call what submits: unless the lock may be
-/// taken twice, that would wait for itself.
+/// An engine's own lock of a queue that it shares with glint. The submitting thread takes it for each
+/// submission: uploads that wait, downloads and [`Recorder::submit`].
+/// [`Frames`](crate::pipelines::frames::Frames) and [`Upload`](crate::pipelines::model::Upload) do not
+/// submit. A thread that already holds the lock must not call a function that submits: it would deadlock
+/// unless the lock is reentrant.
 #[derive(Clone)]
 pub struct QueueLock(pub Arc<WithQueue>);
 
-/// How often the host talked to the device since the context was made.
+/// Counts of the host's calls to the device since the context was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Counters {
     /// Queue submissions.
     pub submissions: u64,
     /// Times the CPU blocked for the device.
     pub waits: u64,
-    /// Times a twin stood in for a kernel.
+    /// Times a twin replaced a kernel.
     pub twins: u64,
-    /// Pipelines that were made, and not shared with what there was.
+    /// Pipelines that were built, not shared with existing ones.
     pub pipelines: u64,
 }
 
 pub(super) struct Inner {
     pub device: ash::Device,
-    /// None: ordinary descriptor sets take their place.
+    /// None: ordinary descriptor sets are used instead.
     pub push_descriptor: Option<khr::push_descriptor::Device>,
     pub debug: Option<ext::debug_utils::Device>,
     pub queue: Mutex<vk::Queue>,
@@ -134,7 +138,7 @@ pub(super) struct Inner {
     pub limits: Limits,
     pub subgroups: Subgroups,
     pub features: BTreeSet<Feature>,
-    /// Bits of a timestamp that mean something.
+    /// Valid bits of a timestamp.
     pub timestamp_mask: u64,
     pub allocator: Mutex<Option<Allocator>>,
     pub budget: Budget,
@@ -158,7 +162,7 @@ pub(super) struct Inner {
 #[derive(Clone)]
 pub struct Context(pub(super) Arc<Inner>);
 
-/// What differs between a device of our own and a borrowed one.
+/// Members that a borrowed device leaves at their defaults.
 #[derive(Default)]
 struct Own {
     messages: Arc<Mutex<Vec<String>>>,
@@ -171,12 +175,13 @@ struct Own {
 }
 
 impl Context {
-    /// What a device must have and be made with: the list by which [`Context::new`], [`Context::borrow`] and [`Context::devices`] judge one.
+    /// The requirements of a device: [`Context::new`], [`Context::borrow`] and [`Context::devices`] check
+    /// against this list.
     pub fn requirements() -> Requirements {
         Requirements::of_kernels()
     }
 
-    /// All physical devices, in the loader's order; with one that cannot be used goes the reason.
+    /// All physical devices, in the loader's order; unusable ones with the reason.
     pub fn devices() -> Result<Vec<(DeviceInfo, Option<GpuError>)>, GpuError> {
         let (entry, instance, _) = create_instance(false, &[])?;
         let options = ContextOptions::default();
@@ -193,12 +198,12 @@ impl Context {
         infos
     }
 
-    /// Of the caller's instance the physical device that [`Context::new`] would open, and the features that it offers: those that
-    /// are not required may be named in [`BorrowedDevice::optional`].
+    /// The physical device that [`Context::new`] would open, from the caller's instance, and the features
+    /// that it offers. Those that are not required may be named in [`BorrowedDevice::optional`].
     ///
     /// # Errors
-    /// What there is none of, or what the first that could be used lacks; [`GpuError::Missing`] too where the instance is of an older
-    /// Vulkan than 1.2 and has not the functions for the question.
+    /// No device, or a need that the first candidate lacks. [`GpuError::Missing`] too if the instance is
+    /// older than Vulkan 1.2 and lacks the functions to query this.
     pub fn choose(
         entry: &ash::Entry,
         instance: &ash::Instance,
@@ -209,11 +214,12 @@ impl Context {
         device::pick(entry, instance, options).map(|(physical, _)| (physical.handle, physical.offered))
     }
 
-    /// What a physical device of the caller's instance is to glint, before a device is made of it: what a scene takes there follows from
-    /// this, see [`Model::plan`](crate::pipelines::model::Model::plan) and [`Limits::plan`](crate::pipelines::frames::Limits::plan).
+    /// Describes a physical device of the caller's instance before a device is made from it. The memory that
+    /// a scene takes there follows from the result, see [`Model::plan`](crate::pipelines::model::Model::plan)
+    /// and [`Limits::plan`](crate::pipelines::frames::Limits::plan).
     ///
     /// # Errors
-    /// What [`Context::borrow`] would say of it.
+    /// Those that [`Context::borrow`] would return for it.
     ///
     /// # Safety
     /// `physical_device` comes from `instance`, and that from `entry`.
@@ -231,7 +237,7 @@ impl Context {
         Ok(physical.info(Some(subgroups), &physical.offered, physical.timestamp_bits()))
     }
 
-    /// Opens a device of our own.
+    /// Opens glint's own device.
     pub fn new(options: &ContextOptions) -> Result<Self, GpuError> {
         let (entry, instance, debug) = create_instance(options.validation, &[])?;
         let messages = Arc::new(Mutex::new(Vec::new()));
@@ -274,12 +280,12 @@ impl Context {
         Self::assemble(borrowed, &physical, subgroups, own)
     }
 
-    /// Another context on the same device, which takes turns with this one at the queue and keeps the device open. Memory budget,
-    /// counters and twins are its own; pipelines are shared where subgroups are of the same size; the choice of a device and the
-    /// validation layers are what they are.
+    /// Opens another context on the same device. It takes turns with this one at the queue and keeps the
+    /// device open. Memory budget, counters and twins are its own. Pipelines are shared if subgroups have the
+    /// same size. The choice of a device and the validation layers stay the same.
     ///
     /// # Errors
-    /// As of [`Context::new`]: a subgroup size that the device does not have.
+    /// Those of [`Context::new`]: a subgroup size that the device does not have.
     pub fn again(&self, options: &ContextOptions) -> Result<Self, GpuError> {
         let inner = &self.0;
         // SAFETY: the handles are live, and the queue lock keeps them so.
@@ -313,13 +319,15 @@ impl Context {
     /// Uses the caller's device.
     ///
     /// # Errors
-    /// [`GpuError::Missing`] and [`GpuError::Limit`] name what the physical device lacks, or a function of Vulkan that instance or
-    /// device do not have; [`GpuError::Null`] what is not there. Features and extensions without functions that exist but were not enabled cannot be seen from here: enable
-    /// what [`Context::requirements`] lists.
+    /// [`GpuError::Missing`] and [`GpuError::Limit`] name a feature or limit that the physical device lacks,
+    /// or a Vulkan function that instance or device lack; [`GpuError::Null`] names a null handle. Features
+    /// and extensions without functions that exist but were not enabled cannot be detected here: enable the
+    /// list of [`Context::requirements`].
     ///
     /// # Safety
-    /// The handles belong together, outlive every clone of the context and all that is made from it, and nobody else
-    /// uses the queue while glint submits. The device was made as [`Context::requirements`] and `optional` say.
+    /// The handles belong together, outlive every clone of the context and everything made from it, and
+    /// nobody else uses the queue while glint submits. The device was made according to
+    /// [`Context::requirements`] and `optional`.
     pub unsafe fn borrow(device: BorrowedDevice) -> Result<Self, GpuError> {
         for (what, is_null) in [
             ("the physical device", device.physical_device == vk::PhysicalDevice::null()),
@@ -336,7 +344,7 @@ impl Context {
             Physical::query(&device.instance, device.physical_device)
         };
         let subgroups = physical.check(&ContextOptions::default(), &device.optional)?;
-        // Of what is not enabled, that can be seen which has functions.
+        // An extension that is not enabled can only be detected by its missing functions.
         // SAFETY: by the contract above.
         unsafe { check_device(&device.instance, device.physical_device, &device.device, device.labels) }?;
         Self::assemble(device, &physical, subgroups, Own::default())
@@ -401,7 +409,7 @@ impl Context {
     /// Opens another context on this device, with the same options and a judge.
     ///
     /// # Errors
-    /// As of [`Context::again`].
+    /// Those of [`Context::again`].
     pub fn judged(&self, judge: Judge) -> Result<Self, GpuError> {
         let Inner { twins, lost_after, subgroups, .. } = &*self.0;
         self.again(&ContextOptions {
@@ -414,12 +422,12 @@ impl Context {
         })
     }
 
-    /// Whether both are the same context, or clones of it.
+    /// True if both are the same context, or clones of it.
     pub fn is_same(&self, other: &Context) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }
 
-    /// What is known of the device.
+    /// Properties of the device.
     pub fn info(&self) -> &DeviceInfo {
         &self.0.info
     }
@@ -429,17 +437,17 @@ impl Context {
         &self.0.features
     }
 
-    /// The device's functions and handle, for what glint does not do.
+    /// The device's functions and handle, for calls that glint does not make.
     pub fn device(&self) -> &ash::Device {
         &self.0.device
     }
 
-    /// The instance's.
+    /// The instance's functions and handle.
     pub fn instance(&self) -> &ash::Instance {
         &self.0.instance
     }
 
-    /// The family of the queue that glint submits to, and that command buffers must be of.
+    /// The family of the queue that glint submits to, and of all command buffers.
     pub fn queue_family(&self) -> u32 {
         self.0.queue_family
     }
@@ -449,7 +457,7 @@ impl Context {
         self.0.physical
     }
 
-    /// Starts a command buffer of our own.
+    /// Starts recording one of glint's own command buffers.
     pub fn recorder(&self, label: &str) -> Result<Recorder, GpuError> {
         Recorder::new(self, label)
     }
@@ -464,14 +472,16 @@ impl Context {
         }
     }
 
-    /// What the validation layer said so far; empty unless [`ContextOptions::validation`] is on and something is wrong.
+    /// Messages of the validation layer so far; empty unless [`ContextOptions::validation`] is on and
+    /// something is wrong.
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.messages.lock().map(|m| m.clone()).unwrap_or_default()
     }
 }
 
 impl Inner {
-    /// Calls it once, while nobody else uses the queue: no glint of this device, nor its owner where there is a lock.
+    /// Calls `work` once, while nobody else uses the queue: neither another context of this device nor, if
+    /// there is a lock, the queue's owner.
     pub(super) fn with_queue(&self, mut work: impl FnMut(vk::Queue)) {
         let queue = self.queue.lock().unwrap_or_else(|e| e.into_inner());
         match &self.queue_lock {
@@ -494,7 +504,8 @@ impl Drop for Inner {
                     destroy_slot(&self.device, slot);
                 }
             }
-            // Another context of the device holds the one that it came from, so the last is always known to be.
+            // Another context on the device keeps the one that it came from, so the last one can always be
+            // identified.
             if let Some(made) = Arc::get_mut(&mut self.pipelines) {
                 let made = made.get_mut().unwrap_or_else(|e| e.into_inner());
                 made.drain().for_each(|(_, pipeline)| pipeline.destroy(&self.device));

@@ -1,4 +1,4 @@
-//! What a physical device offers, whether that is enough, and how kernels run on it.
+//! Queries a physical device, checks it against glint's requirements and decides how kernels run on it.
 
 use std::{collections::BTreeSet, ffi::CStr};
 
@@ -12,57 +12,60 @@ use super::{
     spirv::{MAXIMALLY_RECONVERGES, Mode, SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW},
 };
 
-/// Lanes of the smallest and the largest subgroup that kernels are written for.
+/// Lanes of the smallest and the largest subgroup that kernels support.
 const LANES: [u32; 2] = [8, 64];
 
-/// Lanes of software's subgroups where nothing else is asked for.
+/// Lanes of software subgroups by default.
 const SOFTWARE_LANES: u32 = 32;
 
-/// Extensions that glint enables, and that a borrowed device should have enabled, beside those of its features.
+/// Extensions that glint enables, and that a borrowed device should have enabled, in addition to those of its
+/// features.
 const EXTENSIONS: [&CStr; 1] = [khr::push_descriptor::NAME];
 
-/// What a device must have and be made with, and what it may have.
+/// Requirements for a device and for its creation, and its optional features.
 ///
-/// Two things have a substitute that is slower. A device that lacks `VK_KHR_push_descriptor` is given ordinary descriptor sets. One
-/// that lacks the features, operations or lanes of subgroups ([`Feature::is_of_subgroups`]) runs subgroups of 32 lanes by software,
-/// through shared memory: an application then makes it without these features and extensions.
+/// Two of them have a slower substitute. Without `VK_KHR_push_descriptor` glint uses ordinary descriptor
+/// sets. Without the features, operations or lanes of subgroups ([`Feature::is_of_subgroups`]) it runs
+/// subgroups of 32 lanes in software, through shared memory; an application then makes the device without
+/// these features and extensions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Requirements {
-    /// Of Vulkan, at least.
+    /// Lowest Vulkan version.
     pub api_version: u32,
-    /// Those that the device has are to be enabled. Extensions of the features are named by [`Feature::extension`]; on a device of
-    /// Vulkan 1.3 `VK_EXT_subgroup_size_control` is not needed.
+    /// To be enabled if the device has them. [`Feature::extension`] names extensions of the features; on a
+    /// device of Vulkan 1.3 `VK_EXT_subgroup_size_control` is not needed.
     pub extensions: Vec<&'static CStr>,
     /// [`FeatureChain`] sets them for `vkCreateDevice`.
     pub features: Vec<Feature>,
-    /// Say in [`BorrowedDevice::optional`](super::BorrowedDevice::optional) which of these the device has.
+    /// Name those that the device has in [`BorrowedDevice::optional`](super::BorrowedDevice::optional).
     pub optional: Vec<Feature>,
-    /// Of `VkPhysicalDeviceSubgroupProperties`, in compute.
+    /// Required in `VkPhysicalDeviceSubgroupProperties`, for compute.
     pub subgroup_operations: vk::SubgroupFeatureFlags,
-    /// Lanes of a subgroup, at least and at most. The device can be asked for a size in between, or has no other.
+    /// Smallest and largest number of lanes of a subgroup. Either a pipeline can require a size in this
+    /// range, or the device's only size is in it.
     pub subgroup_lanes: [u32; 2],
-    /// What the kernels that take most take. What a pipeline takes beyond, as its constants say, is checked when it is made.
+    /// The largest needs of any kernel. A pipeline whose constants need more is checked when it is made.
     pub limits: Vec<Limit>,
 }
 
 /// A limit that a device must allow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limit {
-    /// As Vulkan has it in `VkPhysicalDeviceLimits`.
+    /// Its name in `VkPhysicalDeviceLimits`.
     pub name: &'static str,
-    /// What is needed.
+    /// Smallest value that glint needs.
     pub least: u32,
 }
 
-/// Bytes of shared memory and threads of a workgroup that every device of Vulkan allows. Kernels stay within the first, and take
-/// larger workgroups only where the device allows them.
+/// Bytes of shared memory and threads of a workgroup that every Vulkan device allows. Kernels stay within the
+/// first, and use larger workgroups only if the device allows them.
 const SHARED_BYTES: u32 = 16_384;
 const WORKGROUP: u32 = 128;
 
-/// Where a device says a limit.
+/// Reads a limit of a device.
 type Said = fn(&Limits) -> u32;
 
-/// The limits, and what a device says of them.
+/// The limits, and how to read a device's.
 const LIMITS: [(Limit, Said); 7] = {
     const fn limit(name: &'static str, least: u32) -> Limit {
         Limit { name, least }
@@ -79,7 +82,7 @@ const LIMITS: [(Limit, Said); 7] = {
 };
 
 impl Requirements {
-    /// Of all kernels together.
+    /// The requirements of all kernels together.
     pub(super) fn of_kernels() -> Self {
         let features = Feature::REQUIRED.to_vec();
         let mut extensions = EXTENSIONS.to_vec();
@@ -97,7 +100,8 @@ impl Requirements {
     }
 }
 
-/// What makes the lanes of a subgroup meet again after a branch that parted them: subgroup operations rely on it.
+/// Guarantee that the lanes of a subgroup meet again after a divergent branch: subgroup operations rely on
+/// it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "train", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Reconvergence {
@@ -107,23 +111,23 @@ pub enum Reconvergence {
     SubgroupUniform,
     /// The driver runs a subgroup as one stream of masked vector instructions.
     Masked,
-    /// Vulkan's own rule alone, which is about whole workgroups: so a workgroup is one subgroup.
+    /// Only Vulkan's own rule, which covers whole workgroups: so a workgroup is one subgroup.
     OneSubgroup,
 }
 
-/// What is known of a physical device, and how kernels run on it.
+/// Properties of a physical device, and how kernels run on it.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "train", derive(serde::Serialize))]
 pub struct DeviceInfo {
-    /// As the driver has it.
+    /// The driver's name for it.
     pub name: String,
-    /// Discrete GPU, CPU and so on, as `glint devices` prints it.
+    /// Discrete GPU, CPU and so on, as printed by `glint devices`.
     pub kind: &'static str,
-    /// Lanes of every subgroup; of a device that glint cannot use, what the device itself prefers.
+    /// Lanes of every subgroup; for a device that glint cannot use, the device's preferred size.
     pub subgroup_size: u32,
     /// The smallest and the largest size that the device offers.
     pub subgroup_sizes: [u32; 2],
-    /// What keeps lanes together, see [`Reconvergence`].
+    /// Guarantee that keeps lanes together, see [`Reconvergence`].
     pub reconvergence: Reconvergence,
     /// The driver (llvmpipe) runs a subgroup as one stream of masked vector instructions: its lanes are always together, and kernels
     /// put no control barrier between them, see `glsl/shared/meet.glsl`.
@@ -132,23 +136,24 @@ pub struct DeviceInfo {
     pub preserves_nan: bool,
     /// Threads of the largest workgroup, a multiple of the subgroup size.
     pub max_workgroup: u32,
-    /// Largest storage buffer that a kernel can be given, bytes.
+    /// Largest storage buffer of a kernel, bytes.
     pub max_storage_bytes: u64,
-    /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
+    /// Nanoseconds per timestamp tick; 0 if the queue has no timestamps.
     pub timestamp_period: f32,
-    /// llvmpipe and other CPU implementations: every cost is ALU and dispatch, none is bandwidth.
+    /// True for llvmpipe and other CPU implementations: costs are ALU and dispatch, never bandwidth.
     pub is_cpu: bool,
     /// Name and version.
     pub driver: String,
-    /// If subgroups are software's, their operations through shared memory: what the device's own lack, or that software's were asked
-    /// for.
+    /// Set if subgroup operations go through shared memory in software: names the missing need, or that
+    /// software was requested.
     pub software_subgroups: Option<String>,
-    /// Float atomics can be used (`shaderBufferFloat32AtomicAdd`); of a borrowed device, if its owner says so.
+    /// Float atomics can be used (`shaderBufferFloat32AtomicAdd`); on a borrowed device, if its owner
+    /// declares so.
     pub float_atomics: bool,
 }
 
 impl DeviceInfo {
-    /// Threads of a workgroup whose subgroups work each for itself: as many as wanted, unless a workgroup must be one
+    /// Threads of a workgroup whose subgroups work independently: `wanted`, unless a workgroup must be one
     /// subgroup ([`Reconvergence::OneSubgroup`]).
     pub fn workgroup(&self, wanted: u32) -> u32 {
         match self.reconvergence {
@@ -157,8 +162,9 @@ impl DeviceInfo {
         }
     }
 
-    /// Lanes of a subgroup, where kernels do well to be written out for each: a CPU hands round a lane that is a constant by one
-    /// instruction, and one that is not through memory; a GPU's code should be short. Of more lanes are the software's subgroups only.
+    /// Lanes of a subgroup if kernels should be unrolled over them: a CPU broadcasts a lane with a constant
+    /// index in one instruction, and any other through memory, while a GPU's code should be short. Only
+    /// software subgroups on a CPU have more than 16 lanes.
     pub fn constant_lanes(&self) -> Option<u32> {
         (self.is_cpu && self.subgroup_size <= 16).then_some(self.subgroup_size)
     }
@@ -171,7 +177,7 @@ pub(super) struct Physical {
     pub extensions: Vec<vk::ExtensionProperties>,
     pub offered: BTreeSet<Feature>,
     pub limits: Limits,
-    /// The first family with compute, and how many bits its timestamps have.
+    /// The first family with compute, and the number of valid bits of its timestamps.
     pub queue_family: Option<(u32, u32)>,
     pub memory: vk::PhysicalDeviceMemoryProperties,
     api_version: u32,
@@ -179,20 +185,20 @@ pub(super) struct Physical {
     driver: String,
     driver_id: vk::DriverId,
     pub device_type: vk::PhysicalDeviceType,
-    /// Its own choice, where nothing is required.
+    /// The device's own choice if no size is required.
     preferred_lanes: u32,
     subgroup_operations: u32,
     subgroup_sizes: [u32; 2],
-    /// One of them can be required.
+    /// A pipeline can require one of them.
     requires_lanes: bool,
     preserves_nan: bool,
 }
 
-/// What kernels must stay within.
+/// Limits for kernels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     workgroup_invocations: u32,
-    /// In x.
+    /// Limit in x.
     workgroup_size: u32,
     workgroup_subgroups: u32,
     stage_storage_buffers: u32,
@@ -201,29 +207,29 @@ pub(super) struct Limits {
     push_descriptors: u32,
     pub shared_bytes: u32,
     pub push_bytes: u32,
-    /// Of a buffer: what can be bound at once, be made, and have memory.
+    /// Largest buffer that can be bound at once, created and allocated.
     pub storage_bytes: u64,
     pub timestamp_period: f32,
 }
 
-/// Drivers may let more be bound than they let be allocated (AMD's own: 4 GiB and 2 GiB). 0 is not said.
+/// Drivers may allow larger bindings than allocations (AMD's own: 4 GiB and 2 GiB). 0 means not reported.
 fn largest_buffer(storage_range: u32, allocation: u64, buffer: u64) -> u64 {
     let said = [u64::from(storage_range), allocation, buffer].into_iter().filter(|&bytes| bytes > 0);
     said.min().unwrap_or(0)
 }
 
 impl Limits {
-    /// Threads of a workgroup.
+    /// Maximum threads of a workgroup.
     pub fn workgroup(&self) -> u32 {
         self.workgroup_invocations.min(self.workgroup_size)
     }
 
-    /// Buffers that a kernel binds.
+    /// Maximum buffers of a kernel.
     pub fn storage_buffers(&self) -> u32 {
         self.stage_storage_buffers.min(self.set_storage_buffers).min(self.stage_resources)
     }
 
-    /// The buffers of every kernel can be push descriptors.
+    /// True if the buffers of every kernel can be push descriptors.
     pub fn push_descriptors(&self) -> bool {
         self.push_descriptors >= needs::STORAGE_BUFFERS
     }
@@ -233,10 +239,10 @@ impl Limits {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Subgroups {
     pub lanes: u32,
-    /// The size must be asked for at each pipeline, as the device offers several.
+    /// Each pipeline must require the size, as the device offers several.
     pub require: bool,
     pub reconvergence: Reconvergence,
-    /// Their operations go through shared memory, see `glsl/shared/subgroup.glsl`.
+    /// Subgroup operations go through shared memory, see `glsl/shared/subgroup.glsl`.
     pub software: bool,
 }
 
@@ -316,7 +322,8 @@ impl Physical {
         }
     }
 
-    /// How kernels would use its subgroups with these features enabled, or the first thing that the device lacks.
+    /// Decides how kernels would use its subgroups with these features enabled, or returns the first missing
+    /// requirement.
     pub fn check(&self, options: &ContextOptions, enabled: &BTreeSet<Feature>) -> Result<Subgroups, GpuError> {
         let missing = |feature: String| GpuError::Missing { device: self.name.clone(), feature };
         let needed = Requirements::of_kernels();
@@ -344,7 +351,7 @@ impl Physical {
         if !options.software_subgroups {
             match self.own_subgroups(lanes, enabled) {
                 Ok(own) => return Ok(own),
-                // Its subgroups could be used, but not of this size.
+                // Its subgroups are usable, but not at this size.
                 Err(lacks) if lanes.is_some() && self.own_subgroups(None, enabled).is_ok() => {
                     return Err(missing(lacks));
                 }
@@ -355,11 +362,12 @@ impl Physical {
         let lanes = Some(lanes.unwrap_or(SOFTWARE_LANES)).filter(fits);
         let lanes =
             lanes.ok_or_else(|| missing(format!("subgroups of {} lanes", options.subgroup_size.unwrap_or(0))))?;
-        // A barrier of the workgroup stands at each operation, where its subgroups do not work for themselves.
+        // Each operation contains a workgroup barrier, so subgroups that work independently need their own
+        // workgroup.
         Ok(Subgroups { lanes, require: false, reconvergence: Reconvergence::OneSubgroup, software: true })
     }
 
-    /// How kernels would use the device's own subgroups, or what it lacks for that.
+    /// Decides how kernels would use the device's own subgroups, or returns the missing requirement.
     fn own_subgroups(&self, wanted: Option<u32>, enabled: &BTreeSet<Feature>) -> Result<Subgroups, String> {
         let needed = Requirements::of_kernels();
         let name = ext::subgroup_size_control::NAME;
@@ -391,7 +399,7 @@ impl Physical {
         Ok(Subgroups { lanes, require, reconvergence, software: false })
     }
 
-    /// Lanes of its subgroups, and whether they must be required at each pipeline.
+    /// Lanes of its subgroups, and whether each pipeline must require them.
     fn lanes(&self, wanted: Option<u32>) -> Option<(u32, bool)> {
         let [low, high] = [self.subgroup_sizes[0].max(LANES[0]), self.subgroup_sizes[1].min(LANES[1])];
         if self.requires_lanes && low <= high {
@@ -399,24 +407,24 @@ impl Physical {
             // All sizes are powers of two, so the nearest one is at an end.
             return Some((Some(wanted.unwrap_or(self.preferred_lanes.clamp(low, high))).filter(fits)?, true));
         }
-        // What cannot be required is known all the same where there is one size only.
+        // A size that cannot be required is still known if there is only one.
         let only = Some(low).filter(|_| self.subgroup_sizes == [low, high] && low == high);
         Some((only.filter(|&lanes| wanted.is_none_or(|w| w == lanes))?, false))
     }
 
-    /// Bits of the timestamps of the first family with compute.
+    /// Valid timestamp bits of the first family with compute.
     pub fn timestamp_bits(&self) -> u32 {
         self.queue_family.map_or(0, |(_, bits)| bits)
     }
 
-    /// `subgroups` as [`Physical::check`] gave them; none for a device that glint cannot use.
+    /// `subgroups` is the result of [`Physical::check`]; none for a device that glint cannot use.
     pub fn info(&self, subgroups: Option<Subgroups>, enabled: &BTreeSet<Feature>, timestamp_bits: u32) -> DeviceInfo {
         let Limits { workgroup_subgroups, storage_bytes, timestamp_period, .. } = self.limits;
         let lanes = subgroups.map_or(self.preferred_lanes, |s| s.lanes).max(1);
         let most = if subgroups.is_some_and(|s| s.software) {
             u32::MAX
         } else {
-            // Some drivers (RADV) say 2^32 - 1 for "any number".
+            // Some drivers (RADV) report 2^32 - 1 for "any number".
             lanes.saturating_mul(workgroup_subgroups)
         };
         DeviceInfo {
@@ -445,22 +453,23 @@ impl Physical {
         }
     }
 
-    /// Extensions of a device of our own that has all features on offer.
+    /// Extensions that glint enables on its own device with all features on offer.
     pub fn own_extensions(&self) -> Vec<&'static CStr> {
-        // A device that is not all of Vulkan (MoltenVK) must be told that we know. Nothing that it may leave out is used.
+        // A device that is not fully conformant (MoltenVK) requires VK_KHR_portability_subset to be enabled.
+        // glint uses nothing that such a device may lack.
         let others = [khr::portability_subset::NAME, ext::memory_budget::NAME];
         let features = self.offered.iter().filter_map(|f| f.extension());
         let mut list: Vec<_> = EXTENSIONS.into_iter().chain(features).chain(others).collect();
         list.sort_unstable();
         list.dedup();
-        // What became part of Vulkan 1.3 need not be there as an extension.
+        // Extensions that became part of Vulkan 1.3 may be missing as extensions.
         list.retain(|name| has_extension(&self.extensions, name));
         list
     }
 }
 
 impl Subgroups {
-    /// What is added to a kernel's module.
+    /// Execution modes added to a kernel's module.
     pub fn modes(&self, info: &DeviceInfo, uses_subgroups: bool) -> Vec<Mode> {
         let reconvergence = match self.reconvergence {
             Reconvergence::Maximal => Some(MAXIMALLY_RECONVERGES),
@@ -481,7 +490,8 @@ pub(super) fn all(instance: &ash::Instance) -> Result<Vec<Physical>, GpuError> {
     }
 }
 
-/// The device that `options` ask for, by default the first usable discrete GPU, else any that is usable.
+/// The device selected by `options`. By default the first usable discrete GPU, then virtual GPU, integrated
+/// GPU, any other.
 pub(super) fn pick(
     entry: &ash::Entry,
     instance: &ash::Instance,
@@ -518,7 +528,7 @@ pub(super) fn pick(
     Err(first_failure.unwrap_or_else(|| GpuError::NoDevice(" (none is installed)".into())))
 }
 
-/// A device of our own with all that `physical` offers, of the family that it names.
+/// Opens a device with everything that `physical` offers and a queue of `family`.
 pub(super) fn open(instance: &ash::Instance, physical: &Physical, family: u32) -> Result<ash::Device, GpuError> {
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
@@ -545,7 +555,7 @@ mod tests {
         extension
     }
 
-    /// A device that has all that glint asks for, and offers one size of subgroups.
+    /// A device that meets all requirements and offers one subgroup size.
     fn physical() -> Physical {
         Physical {
             handle: vk::PhysicalDevice::null(),
@@ -583,7 +593,7 @@ mod tests {
         ContextOptions { subgroup_size, ..Default::default() }
     }
 
-    /// Lanes, and whether they are required at each pipeline.
+    /// Lanes, and whether each pipeline must require them.
     fn lanes(p: &Physical, wanted: Option<u32>) -> Option<(u32, bool)> {
         p.check(&wants(wanted), &p.offered).ok().map(|s| (s.lanes, s.require))
     }
@@ -601,7 +611,7 @@ mod tests {
         assert_eq!(largest_buffer(1 << 27, 1 << 31, u64::MAX), 1 << 27);
         assert_eq!(largest_buffer(u32::MAX, 1 << 31, 1 << 40), 1 << 31);
         assert_eq!(largest_buffer(u32::MAX, 1 << 40, 1 << 30), 1 << 30);
-        // Vulkan 1.2 says nothing of the last.
+        // Vulkan 1.2 does not report the last.
         assert_eq!(largest_buffer(u32::MAX, 1 << 40, 0), u64::from(u32::MAX));
     }
 
@@ -613,20 +623,20 @@ mod tests {
             requires_lanes,
             ..physical()
         };
-        // NVIDIA, Intel, RDNA, Adreno, one whose own choice is small.
+        // NVIDIA, Intel, RDNA, Adreno, and one whose preferred size is small.
         assert_eq!(lanes(&with([32, 32], 32, true), None), Some((32, true)));
         assert_eq!(lanes(&with([8, 32], 32, true), None), Some((32, true)));
         assert_eq!(lanes(&with([32, 64], 64, true), None), Some((64, true)));
         assert_eq!(lanes(&with([64, 128], 128, true), None), Some((64, true)));
         assert_eq!(lanes(&with([4, 16], 4, true), None), Some((8, true)));
-        // A size of the caller's, if it is offered.
+        // The caller's size, if it is offered.
         assert_eq!([8, 16, 32].map(|n| lanes(&with([8, 32], 32, true), Some(n))), [8, 16, 32].map(|n| Some((n, true))));
         assert_eq!([0, 4, 24, 64, 128].map(|n| lanes(&with([4, 32], 32, true), Some(n))), [None; 5]);
-        // MoltenVK takes no demand, and has one size.
+        // MoltenVK cannot require a size, and has only one.
         assert_eq!(lanes(&with([32, 32], 32, false), None), Some((32, false)));
         assert_eq!(lanes(&with([32, 32], 32, false), Some(32)), Some((32, false)));
         assert_eq!(lanes(&with([32, 32], 32, false), Some(16)), None);
-        // Not to be had or not known: software's, of any size that kernels know.
+        // Unavailable or unknown: software subgroups, at any size that kernels support.
         let others =
             [([8, 32], 32, false), ([4, 4], 4, true), ([4, 4], 4, false), ([128, 128], 128, true), ([0, 0], 32, false)];
         for (sizes, preferred, required) in others {
@@ -636,7 +646,7 @@ mod tests {
             let software = |wanted| p.check(&wants(wanted), &p.offered).ok().filter(|s| s.software).map(|s| s.lanes);
             assert_eq!([None, Some(8), Some(64), Some(4)].map(software), [Some(32), Some(8), Some(64), None]);
         }
-        // Where they are asked for, too.
+        // Also if they are requested.
         let p = with([32, 32], 32, true);
         let forced = p.check(&ContextOptions { software_subgroups: true, ..wants(None) }, &p.offered).unwrap();
         assert!(forced.software && forced.reconvergence == Reconvergence::OneSubgroup && !forced.require);
@@ -664,7 +674,7 @@ mod tests {
         let operations = needs::SUBGROUP_OPERATIONS & !vk::SubgroupFeatureFlags::BALLOT.as_raw();
         let p = Physical { subgroup_operations: operations, ..physical() };
         assert_eq!(p.own_subgroups(None, &p.offered).unwrap_err(), "subgroup operations in compute: BALLOT");
-        // Each limit of the list, by its name; with what is asked for and no more the device is taken.
+        // Each limit of the list, by its name; a device that exactly meets the requirements is accepted.
         let set = |limits: &mut Limits, name: &str, value: u32| match name {
             "maxPerStageDescriptorStorageBuffers" => limits.stage_storage_buffers = value,
             "maxDescriptorSetStorageBuffers" => limits.set_storage_buffers = value,
@@ -684,7 +694,7 @@ mod tests {
             set(&mut least.limits, name, needed);
         }
         assert!(least.check(&wants(None), &least.offered).is_ok());
-        // An extension became a part of Vulkan 1.3.
+        // An extension that became part of Vulkan 1.3.
         let lone = |api_version| Physical { extensions: vec![], api_version, ..physical() };
         let [old, new] =
             [vk::API_VERSION_1_2, vk::API_VERSION_1_3].map(|v| lone(v).own_subgroups(None, &BTreeSet::new()));
@@ -699,7 +709,7 @@ mod tests {
             let subgroups = p.check(&wants(None), &enabled).unwrap();
             let info = p.info(Some(subgroups), &enabled, 64);
             let modes = subgroups.modes(&info, true).iter().map(|m| m.mode).collect::<Vec<_>>();
-            // Kernels without subgroup operations are not told of it.
+            // Kernels without subgroup operations get no mode for them.
             assert_eq!(subgroups.modes(&info, false), [SIGNED_ZERO_INF_NAN_PRESERVE]);
             (subgroups.reconvergence, info.workgroup(128), modes)
         };

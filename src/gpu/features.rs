@@ -1,11 +1,11 @@
-//! The device features that glint uses: their names, the extensions that they come with, and the structures that Vulkan keeps
-//! them in.
+//! The device features that glint uses: their names, their extensions, and the Vulkan structures that contain
+//! them.
 
 use std::{collections::BTreeSet, ffi::CStr};
 
 use ash::{ext, khr, vk};
 
-/// A device feature, named as Vulkan names it. glsl/generate.rs finds which a kernel needs.
+/// A device feature, named as in Vulkan. glsl/generate.rs determines each kernel's features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "train", derive(serde::Serialize), serde(rename_all = "camelCase"))]
 #[allow(missing_docs, reason = "named as the Vulkan specification names them")]
@@ -27,7 +27,7 @@ pub enum Feature {
 }
 
 impl Feature {
-    /// Every feature that glint knows of, required or not.
+    /// Every feature known to glint, required or not.
     pub const ALL: [Self; 14] = [
         Self::ScalarBlockLayout,
         Self::HostQueryReset,
@@ -45,8 +45,8 @@ impl Feature {
         Self::StorageBuffer16BitAccess,
     ];
 
-    /// Without these there is no context, but for those of subgroups ([`Feature::is_of_subgroups`]), without which subgroups are
-    /// software's. All others are optional: a kernel that needs one is refused where it is missing.
+    /// A context needs these, except those of subgroups ([`Feature::is_of_subgroups`]): without them glint
+    /// uses software subgroups. All others are optional: a kernel that needs one is refused if it is missing.
     pub const REQUIRED: [Self; 5] = [
         Self::ScalarBlockLayout,
         Self::HostQueryReset,
@@ -55,19 +55,19 @@ impl Feature {
         Self::SubgroupBroadcastDynamicId,
     ];
 
-    /// As in the Vulkan specification.
+    /// Its name in the Vulkan specification.
     pub fn name(self) -> String {
         let mut name = format!("{self:?}");
         name[..1].make_ascii_lowercase();
         name
     }
 
-    /// Only the device's own subgroups need it, not those of software.
+    /// True if only the device's own subgroups need it, not software subgroups.
     pub fn is_of_subgroups(self) -> bool {
         matches!(self, Self::SubgroupSizeControl | Self::ComputeFullSubgroups | Self::SubgroupBroadcastDynamicId)
     }
 
-    /// The extension that it comes with, where it is not of Vulkan 1.2.
+    /// The extension that it comes with, unless it is part of Vulkan 1.2.
     pub fn extension(self) -> Option<&'static CStr> {
         match self {
             Self::SubgroupSizeControl | Self::ComputeFullSubgroups => Some(ext::subgroup_size_control::NAME),
@@ -78,7 +78,8 @@ impl Feature {
         }
     }
 
-    /// True where the device has what the feature comes with, so that it can be asked for.
+    /// True if the device has the version or extension that the feature comes with, so that it can be
+    /// queried.
     pub(super) fn known(self, extensions: &[vk::ExtensionProperties], api_version: u32) -> bool {
         let core = matches!(self, Self::SubgroupSizeControl | Self::ComputeFullSubgroups)
             && api_version >= vk::API_VERSION_1_3;
@@ -90,7 +91,7 @@ pub(super) fn has_extension(list: &[vk::ExtensionProperties], wanted: &CStr) -> 
     list.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|name| name == wanted))
 }
 
-/// The structures of Vulkan that hold [`Feature`]s, to ask a physical device for them or to make a device with them.
+/// The Vulkan structures that contain [`Feature`]s, for querying a physical device or creating a device.
 #[derive(Default)]
 pub struct FeatureChain {
     core: vk::PhysicalDeviceFeatures,
@@ -100,12 +101,12 @@ pub struct FeatureChain {
     atomic_float: vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT<'static>,
     maximal: vk::PhysicalDeviceShaderMaximalReconvergenceFeaturesKHR<'static>,
     uniform: vk::PhysicalDeviceShaderSubgroupUniformControlFlowFeaturesKHR<'static>,
-    /// Structures of other features stay out of the chain, as a device need not know them.
+    /// Structures of other features are not linked, as a device need not know them.
     features: Vec<Feature>,
 }
 
 impl FeatureChain {
-    /// `features` are set.
+    /// A chain with `features` set.
     pub fn new(features: impl IntoIterator<Item = Feature>) -> Self {
         let mut chain = FeatureChain { features: features.into_iter().collect(), ..Default::default() };
         for feature in chain.features.clone() {
@@ -117,7 +118,7 @@ impl FeatureChain {
     /// The chain, for [`vk::DeviceCreateInfo`] or for a query.
     pub fn link(&mut self) -> vk::PhysicalDeviceFeatures2<'_> {
         let has = |features: &[Feature], wanted: &[Feature]| features.iter().any(|f| wanted.contains(f));
-        // What an earlier link left.
+        // Clears the links of an earlier call.
         self.vulkan11.p_next = std::ptr::null_mut();
         self.vulkan12.p_next = std::ptr::null_mut();
         self.subgroup_size.p_next = std::ptr::null_mut();
@@ -143,7 +144,7 @@ impl FeatureChain {
         first
     }
 
-    /// Those of `features` that a physical device offers.
+    /// The features of `features` that a physical device offers.
     ///
     /// # Safety
     /// `physical` comes from `instance`, and knows the extensions that `features` come with.

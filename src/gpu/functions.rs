@@ -1,5 +1,5 @@
-//! The functions of Vulkan that glint calls. ash ends the program where one is called that is not there, so of a device that is not
-//! glint's own each is asked for before.
+//! The Vulkan functions that glint calls. ash aborts if a missing one is called, so glint checks for each on
+//! a device that is not its own.
 
 use std::ffi::CStr;
 
@@ -7,7 +7,7 @@ use ash::vk;
 
 use super::GpuError;
 
-/// Of the instance.
+/// Functions of the instance.
 const OF_INSTANCE: [&CStr; 10] = [
     c"vkCreateDevice",
     c"vkDestroyInstance",
@@ -21,7 +21,7 @@ const OF_INSTANCE: [&CStr; 10] = [
     c"vkGetPhysicalDeviceQueueFamilyProperties",
 ];
 
-/// Of the device.
+/// Functions of the device.
 const OF_DEVICE: [&CStr; 52] = [
     c"vkAllocateCommandBuffers",
     c"vkAllocateDescriptorSets",
@@ -77,14 +77,14 @@ const OF_DEVICE: [&CStr; 52] = [
     c"vkWaitForFences",
 ];
 
-/// Of the device, where kernels and buffers have names.
+/// Functions of the device, needed if kernels and buffers have names.
 const OF_LABELS: [&CStr; 3] =
     [c"vkCmdBeginDebugUtilsLabelEXT", c"vkCmdEndDebugUtilsLabelEXT", c"vkSetDebugUtilsObjectNameEXT"];
 
-/// Of the device, if it was made with `VK_KHR_push_descriptor`.
+/// A function of the device, present if it was made with `VK_KHR_push_descriptor`.
 const PUSH_DESCRIPTORS: &CStr = c"vkCmdPushDescriptorSetKHR";
 
-/// What is missing where there is no such function.
+/// Names the requirement that a missing function belongs to.
 fn origin(function: &CStr) -> String {
     match function {
         _ if OF_LABELS.contains(&function) => "extension VK_EXT_debug_utils, enabled on the instance".into(),
@@ -92,7 +92,7 @@ fn origin(function: &CStr) -> String {
     }
 }
 
-/// Whether an instance has the functions that glint calls of one.
+/// Checks that an instance has the functions that glint calls.
 ///
 /// # Safety
 /// The handles are live and belong together.
@@ -105,10 +105,10 @@ pub(super) unsafe fn check_instance(entry: &ash::Entry, instance: &ash::Instance
     }
 }
 
-/// Whether a device has the functions that glint calls of one, those of labels too where they are wanted.
+/// Checks that a device has the functions that glint calls, including those for labels if `labels` is set.
 ///
 /// # Safety
-/// The handles are live and belong together; `physical` is what the device was made of.
+/// The handles are live and belong together; `physical` is the device's physical device.
 pub(super) unsafe fn check_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
@@ -130,7 +130,7 @@ pub(super) unsafe fn check_device(
     }
 }
 
-/// Whether a device was made with `VK_KHR_push_descriptor`.
+/// True if a device was made with `VK_KHR_push_descriptor`.
 ///
 /// # Safety
 /// The handles are live and belong together.
@@ -146,7 +146,7 @@ mod tests {
 
     use super::*;
 
-    /// What stands behind a dot and before a bracket, of receivers of these names.
+    /// Identifiers between a dot and a bracket, on receivers of these names.
     fn called(source: &str, receivers: &[&str]) -> BTreeSet<String> {
         let mut names = BTreeSet::new();
         for (at, _) in source.match_indices('.') {
@@ -162,7 +162,7 @@ mod tests {
         names
     }
 
-    /// As Vulkan calls it, without an extension's letters.
+    /// Vulkan's name of a function, without an extension's letters.
     fn vulkan(name: &str) -> String {
         let word = |word: &str| word[..1].to_uppercase() + &word[1..];
         let words: String = name.split('_').map(word).collect();
@@ -178,7 +178,8 @@ mod tests {
             let code = text.split("#[cfg(test)]\nmod tests").next().unwrap();
             sources.extend(code.lines().filter(|line| !line.trim_start().starts_with("//")).map(|l| format!("{l}\n")));
         }
-        // Methods of ash's structures that are no functions of Vulkan's, and those of the window's instance, which is glint's own.
+        // Methods of ash's structures that are not Vulkan functions, and those of the window's instance,
+        // which is glint's own.
         let ours = ["clone", "handle", "fp_v1_0", "is_some", "is_none", "as_ref", "as_deref"];
         let check = |receivers: &[&str], lists: &[&[&CStr]], others: &[&str]| {
             let listed: BTreeSet<String> = lists
@@ -195,7 +196,7 @@ mod tests {
             assert_eq!(wanted, listed);
         };
         check(&["instance"], &[&OF_INSTANCE], &[]);
-        // gpu-allocator's own.
+        // Functions that only gpu-allocator calls.
         let allocators = ["vkAllocateMemory", "vkFreeMemory", "vkMapMemory", "vkUnmapMemory"];
         check(&["device", "device()", "push", "debug"], &[&OF_DEVICE, &OF_LABELS, &[PUSH_DESCRIPTORS]], &allocators);
         assert!(origin(c"vkResetQueryPool").contains("vkResetQueryPool"));

@@ -1,30 +1,30 @@
-//! What a recorder does beside kernels in a caller's command buffer: small updates, and copies between buffers of ours and the
-//! caller's images and buffers.
+//! A recorder's commands other than kernels in a caller's command buffer: small updates, and copies between
+//! glint's buffers and the caller's images and buffers.
 
 use ash::vk;
 use bytemuck::Pod;
 
 use super::{Access, Buffer, Recorder};
 
-/// Bytes that vkCmdUpdateBuffer takes at once.
+/// Most bytes of one vkCmdUpdateBuffer.
 const UPDATE_BYTES: usize = 65_536;
 
 /// A rectangle of one layer of a caller's image.
 #[derive(Debug, Clone, Copy)]
 pub struct ImageRegion {
-    /// Made with `TRANSFER_DST` where it is written, `TRANSFER_SRC` where it is read.
+    /// Made with `TRANSFER_DST` if it is written, `TRANSFER_SRC` if it is read.
     pub image: vk::Image,
-    /// That it has at the time: `GENERAL`, or where it is written alone `TRANSFER_DST_OPTIMAL`, where it is read alone
-    /// `TRANSFER_SRC_OPTIMAL` (or `SHARED_PRESENT_KHR`).
+    /// Its layout at the time: `GENERAL`; or `TRANSFER_DST_OPTIMAL` if it is only written; or
+    /// `TRANSFER_SRC_OPTIMAL` (or `SHARED_PRESENT_KHR`) if it is only read.
     pub layout: vk::ImageLayout,
-    /// That it was made with: texels are copied as they are. Of one with depths these are meant, which a queue without graphics does not
-    /// copy.
+    /// The format that it was made with: texels are copied unchanged. For a depth format the depths are
+    /// copied, which needs a queue with graphics.
     pub format: vk::Format,
     /// Level of detail.
     pub level: u32,
     /// Array layer: an eye, a face of a cube.
     pub layer: u32,
-    /// Pixels, of the upper left corner; 0 or more.
+    /// Upper left corner, pixels, 0 or more.
     pub offset: [i32; 2],
 }
 
@@ -34,7 +34,7 @@ impl ImageRegion {
         ImageRegion { image, layout, format, level: 0, layer: 0, offset: [0, 0] }
     }
 
-    /// The part of a texel that is copied.
+    /// The aspect that is copied.
     pub fn aspect(&self) -> vk::ImageAspectFlags {
         match self.format {
             vk::Format::D16_UNORM
@@ -47,7 +47,7 @@ impl ImageRegion {
         }
     }
 
-    /// Of the rows of a buffer that follow each other without padding.
+    /// The copy of buffer rows that follow each other without padding.
     fn copy(&self, [width, height]: [u32; 2]) -> vk::BufferImageCopy {
         vk::BufferImageCopy {
             image_subresource: vk::ImageSubresourceLayers {
@@ -66,23 +66,23 @@ impl ImageRegion {
 /// A part of a caller's buffer.
 #[derive(Debug, Clone, Copy)]
 pub struct BufferRange {
-    /// Made with `TRANSFER_DST` where it is written, `TRANSFER_SRC` where it is read.
+    /// Made with `TRANSFER_DST` if it is written, `TRANSFER_SRC` if it is read.
     pub buffer: vk::Buffer,
     /// Bytes, a multiple of 4.
     pub offset: u64,
 }
 
-/// Where a caller's pixels lie, in a buffer with rows that follow each other.
+/// A caller's pixels, in an image, or in a buffer of consecutive rows.
 #[derive(Debug, Clone, Copy)]
 pub enum Pixels {
-    /// As many texels as the view has pixels, from the region's corner on.
+    /// The view's number of texels, from the region's corner on.
     Image(ImageRegion),
     /// One row after the other.
     Buffer(BufferRange),
 }
 
 impl Recorder {
-    /// Puts a few elements into a buffer, from `first` on, as part of the commands: `data` is copied now.
+    /// Writes a few elements of a buffer, from `first` on, as part of the commands: `data` is copied now.
     pub fn update<T: Pod>(&mut self, buffer: &Buffer<T>, first: usize, data: &[T]) {
         let data = &data[..data.len().min(buffer.len().saturating_sub(first))];
         if data.is_empty() {
@@ -98,11 +98,11 @@ impl Recorder {
         self.close("update");
     }
 
-    /// Brings a caller's pixels, of `words` words each, to the beginning of a buffer.
+    /// Copies a caller's pixels, of `words` words each, to the beginning of a buffer.
     ///
     /// # Safety
-    /// The pixels lie in a live image or buffer of the context's device, an image in the layout that is said; nobody else uses them
-    /// meanwhile.
+    /// The pixels lie in a live image or buffer of the context's device, an image in the given layout; nobody
+    /// else uses them meanwhile.
     pub unsafe fn bring<T: Pod>(&mut self, from: &Pixels, to: &Buffer<T>, [width, height]: [u32; 2], words: u32) {
         self.access([(&**to.raw(), Access::Write)].into_iter());
         self.keep_buffer(to);
@@ -124,10 +124,10 @@ impl Recorder {
         self.close("copy");
     }
 
-    /// Hands the beginning of a buffer, `words` words for each pixel, to a caller's pixels.
+    /// Copies the beginning of a buffer, `words` words for each pixel, to a caller's pixels.
     ///
     /// # Safety
-    /// As for [`Recorder::bring`].
+    /// That of [`Recorder::bring`].
     pub unsafe fn hand<T: Pod>(&mut self, from: &Buffer<T>, to: &Pixels, [width, height]: [u32; 2], words: u32) {
         self.access([(&**from.raw(), Access::Read)].into_iter());
         self.keep_buffer(from);
@@ -149,7 +149,7 @@ impl Recorder {
         self.close("copy");
     }
 
-    /// What was written is there for the host once the commands have run.
+    /// Makes all writes visible to the host once the commands have run.
     pub fn host_barrier(&self) {
         let written = [vk::MemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)

@@ -1,4 +1,4 @@
-//! The Vulkan instance, with debug labels and the validation layers where they are asked for.
+//! Creates the Vulkan instance, with debug labels and the validation layers on request.
 
 use std::{
     ffi::{CStr, c_void},
@@ -11,8 +11,8 @@ use super::{Check, Feature, GpuError, features::has_extension};
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// With `wanted` extensions beside those that are taken where they are there. The flag says whether debug labels and names can be
-/// used.
+/// Creates an instance with the `wanted` extensions, and others that are enabled if available. The flag is
+/// true if debug labels and names can be used.
 pub(crate) fn create_instance(
     validation: bool,
     wanted: &[&CStr],
@@ -31,7 +31,7 @@ pub(crate) fn create_instance(
         if debug {
             extensions.push(ext::debug_utils::NAME.as_ptr());
         }
-        // Without it the loader hides devices that are not all of Vulkan: MoltenVK on macOS.
+        // Without it the loader hides devices that are not fully conformant: MoltenVK on macOS.
         let portability = has_extension(&available, khr::portability_enumeration::NAME);
         if portability {
             extensions.push(khr::portability_enumeration::NAME.as_ptr());
@@ -49,7 +49,7 @@ pub(crate) fn create_instance(
         }
         let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
-        // 1.2 is enough; of a device of 1.3 what was an extension before may be asked for without it.
+        // 1.2 is enough; declaring 1.3 allows features that used to be extensions without enabling these.
         let app = vk::ApplicationInfo::default().application_name(c"glint").api_version(vk::API_VERSION_1_3);
         let mut info = vk::InstanceCreateInfo::default()
             .application_info(&app)
@@ -91,7 +91,7 @@ pub(crate) fn create_messenger(
         unsafe {
             if let Some(text) = data.as_ref().and_then(|d| d.message_as_c_str()) {
                 let text = text.to_string_lossy().into_owned();
-                // GPU-assisted layers tell what they change for themselves.
+                // GPU-assisted layers report their own changes.
                 if text.contains("Internal Warning") {
                     tracing::info!("validation: {text}");
                     return vk::FALSE;

@@ -1,4 +1,4 @@
-//! Typed storage buffers.
+//! Typed storage buffers, and the budget of device memory that they share.
 
 use std::{
     marker::PhantomData,
@@ -17,7 +17,7 @@ use gpu_allocator::{
 
 use super::{Check, Context, GpuError, device::Physical, features::has_extension};
 
-/// Where a buffer lies.
+/// The memory in which a buffer lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Location {
     /// Device memory; filled by [`Buffer::upload`] or by kernels.
@@ -31,8 +31,8 @@ pub enum Location {
 impl Location {
     const ALL: [Self; 3] = [Location::Device, Location::Readback, Location::Upload];
 
-    /// As the allocator has it. What is staged is the host's memory: [`MemoryLocation::CpuToGpu`] would take the device's own wherever the
-    /// host can write to it, for a copy that is read once.
+    /// The allocator's location. Staging uses host memory: with [`MemoryLocation::CpuToGpu`] the allocator
+    /// would use device memory, if the host can write to it, for a copy that is read once.
     fn kind(self) -> MemoryLocation {
         match self {
             Location::Device => MemoryLocation::GpuOnly,
@@ -40,8 +40,8 @@ impl Location {
         }
     }
 
-    /// The heap that the allocator takes it from: that of the first type of memory with what it would like, or else with what it needs.
-    /// `types` are those that buffers may have.
+    /// The heap from which the allocator takes it: that of the first memory type with all preferred flags,
+    /// else with all required ones. `types` are the memory types that buffers can use.
     fn heap(self, memory: &vk::PhysicalDeviceMemoryProperties, types: u32) -> Option<usize> {
         use vk::MemoryPropertyFlags as Flags;
         let host = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
@@ -55,44 +55,47 @@ impl Location {
     }
 }
 
-/// Bytes of the blocks of memory that small buffers share. A buffer that is larger has memory of its own, which goes back to the device
-/// with it. It is the least that gpu-allocator makes: with its usual 256 and 64 MiB a scene of 1 MiB would keep so much from its host.
+/// Bytes of the memory blocks that small buffers share. A larger buffer has its own memory, returned to the
+/// device with it. This is the smallest block that gpu-allocator makes: with its default of 256 and 64 MiB a
+/// scene of 1 MiB would keep that much from the host application.
 pub(super) const BLOCK: u64 = 4 << 20;
 
 /// Device memory, bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Memory {
-    /// What the context's buffers may take together now: what they have, and what nobody has. Neither `used` nor `taken` goes beyond.
+    /// The largest `used` and `taken` that the context's buffers can reach now: their present share plus the
+    /// memory still free.
     pub budget: u64,
-    /// What they have.
+    /// Bytes that the buffers use.
     pub used: u64,
-    /// The most that they had at any time, or since [`Context::count_most_anew`].
+    /// Largest `used` so far, or since [`Context::count_most_anew`].
     pub most_used: u64,
-    /// What was taken of the device for them: buffers of up to 4 MiB share blocks of so much.
+    /// Bytes allocated from the device for them: buffers of up to 4 MiB share blocks of that size.
     pub taken: u64,
 }
 
-/// Keeps buffers within what the device has to give. A driver may move what is beyond to the host's memory, where everything
-/// goes on a hundred times slower: it must be refused before.
+/// Keeps buffers within the device's memory. A driver may move an excess to the host's memory, where
+/// everything runs a hundred times slower, so it must be refused first.
 pub(super) struct Budget {
-    /// Index of the heap that device buffers lie in.
+    /// Index of the heap that device buffers use.
     heap: usize,
-    /// Its bytes, or fewer if the caller wants so.
+    /// The heap's bytes, or fewer if the caller sets a limit.
     most: u64,
-    /// `VK_EXT_memory_budget` says what others leave of it.
+    /// `VK_EXT_memory_budget` reports what other programs leave of it.
     shared: bool,
-    /// By location, whether its memory is of that heap: the host's too, where there is one heap, or the host sees no other.
+    /// By location: true if its memory is in that heap. This includes the host's memory if there is only one
+    /// heap, or the host sees no other.
     counted: [bool; Location::ALL.len()],
     used: AtomicU64,
     most_used: AtomicU64,
-    /// Changes with the allocator only, under its lock.
+    /// Changes only with the allocator, under its lock.
     taken: AtomicU64,
-    /// The same. Bit l: a block was made for buffers of location l, and the last one stays.
+    /// Changes likewise. Bit l: a block was made for buffers of location l, and the last one stays.
     blocks: AtomicU32,
 }
 
 impl Budget {
-    /// `types` are the types of memory that buffers may have.
+    /// `types` are the memory types that buffers can use.
     pub fn new(physical: &Physical, types: u32, cap: Option<u64>) -> Self {
         let heaps = &physical.memory.memory_heaps[..physical.memory.memory_heap_count as usize];
         let heap = Location::Device.heap(&physical.memory, types).unwrap_or(0);
@@ -112,27 +115,27 @@ impl Budget {
     }
 }
 
-/// A CPU device's memory is the host's, whatever its heap says: lavapipe's says 2 GiB on every machine.
+/// A CPU device's memory is the host's, regardless of its heap: lavapipe reports 2 GiB on every machine.
 fn host_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let kib = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?.trim().strip_suffix(" kB")?;
     kib.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What a context that has taken `taken` bytes may have in all, at most `most`, where the driver gives the process `heap_budget` and it has
-/// `heap_usage` already, with what is not glint's.
+/// The memory budget of a context that has taken `taken` bytes, at most `most`. The driver gives the process
+/// `heap_budget`, of which it uses `heap_usage` already, including memory that is not glint's.
 fn budget(most: u64, taken: u64, heap_budget: u64, heap_usage: u64) -> u64 {
     most.min(taken.saturating_add(heap_budget.saturating_sub(heap_usage)))
 }
 
 impl Context {
-    /// What this context's buffers may have where nobody else takes any, bytes: the same at any time.
+    /// Bytes that this context's buffers can use if no other program uses any: constant.
     pub fn memory_at_most(&self) -> u64 {
         self.0.budget.most
     }
 
-    /// What this context's buffers may take and have, bytes. Other programs and the caller's own memory count where the device
-    /// has `VK_EXT_memory_budget`.
+    /// This context's memory budget and its use, bytes. Other programs and the caller's own memory count if
+    /// the device has `VK_EXT_memory_budget`.
     pub fn memory(&self) -> Memory {
         let Budget { heap, most, shared, ref used, ref most_used, ref taken, .. } = self.0.budget;
         let [used, most_used, taken] = [used, most_used, taken].map(|bytes| bytes.load(Ordering::Relaxed));
@@ -146,7 +149,7 @@ impl Context {
         Memory { budget: budget(most, taken, heaps.heap_budget[heap], heaps.heap_usage[heap]), used, most_used, taken }
     }
 
-    /// From now on [`Memory::most_used`] tells of what buffers have and will have, and no longer of what they had.
+    /// Resets [`Memory::most_used`] to the present use.
     pub fn count_most_anew(&self) {
         let Budget { used, most_used, .. } = &self.0.budget;
         most_used.store(used.load(Ordering::Relaxed), Ordering::Relaxed);
@@ -164,7 +167,7 @@ impl Share {
         let bytes = if context.0.budget.counts(location) { bytes } else { 0 };
         let Memory { budget, .. } = context.memory();
         let used = context.0.budget.used.fetch_add(bytes, Ordering::Relaxed);
-        // Given back by the drop where it was too much.
+        // Dropped, and so returned, if it was too much.
         let share = Share { bytes, context: context.clone() };
         if bytes > 0 && used.saturating_add(bytes) > budget {
             return Err(GpuError::OverBudget { name: name.into(), bytes, used, budget });
@@ -172,7 +175,7 @@ impl Share {
         Ok(share)
     }
 
-    /// It has its memory: until then it may be refused.
+    /// Counts the share in `most_used` once it has memory: until then it may be refused.
     fn is_used(&self) {
         let Budget { used, most_used, .. } = &self.context.0.budget;
         most_used.fetch_max(used.load(Ordering::Relaxed), Ordering::Relaxed);
@@ -189,51 +192,51 @@ impl Drop for Share {
 pub struct RawBuffer {
     pub(super) handle: vk::Buffer,
     pub(super) bytes: u64,
-    /// Stands for a binding that a variant of a kernel does not touch: no hazard comes from it.
+    /// Fills a binding that a variant of a kernel does not access: it causes no hazard.
     pub(super) unused: bool,
     name: String,
     allocation: Option<Allocation>,
-    /// Of the memory that the budget is about.
+    /// Its memory counts in the budget.
     counts: bool,
-    /// In whose memory it lies and from which byte on, where it has none of its own.
+    /// The buffer whose memory it shares and its first byte there, if it has no memory of its own.
     over: Option<(Arc<RawBuffer>, u64)>,
     context: Context,
     _share: Share,
 }
 
-/// What is bound where a variant of a kernel touches nothing: every binding needs a buffer.
+/// Fills bindings that a variant of a kernel does not access: every binding needs a buffer.
 pub struct Unused(Arc<RawBuffer>);
 
 impl Unused {
     /// A buffer large enough for one element of any kernel's binding.
     pub fn new(context: &Context) -> Result<Self, GpuError> {
-        // As large as the largest element of any kernel.
+        // 256 bytes: more than the largest element of any kernel.
         Ok(Unused(Buffer::<u32>::create(context, "unused", 64, Location::Device, true)?.raw))
     }
 
-    /// As the buffer of any binding.
+    /// The buffer, typed for any binding.
     pub fn of<T: Pod>(&self) -> Buffer<T> {
         Buffer { raw: self.0.clone(), len: 1, element: PhantomData }
     }
 }
 
 impl RawBuffer {
-    /// The Vulkan buffer, of usage storage, indirect and transfer both ways. It lives as long as this.
+    /// The Vulkan buffer, with usage storage, indirect and transfer both ways. It lives as long as `self`.
     pub fn handle(&self) -> vk::Buffer {
         self.handle
     }
 
-    /// Bytes that it was made with.
+    /// Its size in bytes.
     pub fn bytes_len(&self) -> u64 {
         self.bytes
     }
 
-    /// Stands for its memory: one for all that lie in the same.
+    /// Identifies its memory: buffers that share memory have the same.
     pub(super) fn memory(&self) -> vk::Buffer {
         self.over.as_ref().map_or(self.handle, |(over, _)| over.handle)
     }
 
-    /// Its name, for debuggers.
+    /// Sets its name, for debuggers.
     fn label(&self) {
         if let (Some(debug), Ok(name)) = (&self.context.0.debug, std::ffi::CString::new(self.name.as_str())) {
             let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(self.handle).object_name(&name);
@@ -242,7 +245,7 @@ impl RawBuffer {
         }
     }
 
-    /// As a buffer of bytes.
+    /// The buffer, typed as bytes.
     pub(super) fn bytes(self: &Arc<Self>) -> Buffer<u8> {
         Buffer { raw: self.clone(), len: self.bytes as usize, element: PhantomData }
     }
@@ -262,10 +265,10 @@ impl<T> Clone for Buffer<T> {
 }
 
 impl<T: Pod> Buffer<T> {
-    /// Uninitialised room for `len` elements (at least one: Vulkan has no empty buffers).
+    /// An uninitialised buffer of `len` elements (at least one: Vulkan has no empty buffers).
     ///
     /// # Errors
-    /// [`GpuError::BufferTooLarge`] and [`GpuError::OverBudget`] before anything is asked of the driver.
+    /// [`GpuError::BufferTooLarge`] and [`GpuError::OverBudget`] before any call of the driver.
     pub fn new(context: &Context, name: &str, len: usize, location: Location) -> Result<Self, GpuError> {
         Self::create(context, name, len, location, false)
     }
@@ -309,11 +312,13 @@ impl<T: Pod> Buffer<T> {
         }
     }
 
-    /// `len` elements, at least one, in the memory of `parent` from byte `first` on: for what is not needed at the same time. The recorder
-    /// takes a use of either for one of both. In memory of its own where `parent` has no such bytes, or the device none that may begin there.
+    /// Makes a buffer of `len` elements, at least one, in the memory of `parent` from byte `first` on, for
+    /// data that is not needed at the same time. The recorder treats a use of either as a use of both. The
+    /// buffer gets its own memory if `parent` has no such bytes, or the device does not allow a buffer at
+    /// that offset.
     ///
     /// # Errors
-    /// As [`Buffer::new`].
+    /// Those of [`Buffer::new`].
     pub fn over<P: Pod>(
         context: &Context,
         name: &str,
@@ -323,12 +328,12 @@ impl<T: Pod> Buffer<T> {
     ) -> Result<Self, GpuError> {
         let bytes = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64);
         let within = first.checked_add(bytes).is_some_and(|end| end <= parent.raw.bytes);
-        // Where `parent` itself lies in another's.
+        // If `parent` itself shares another buffer's memory.
         let (root, first) = match &parent.raw.over {
             Some((root, begin)) => (root, begin + first),
             None => (&parent.raw, first),
         };
-        // Memory that Vulkan was told is of one buffer has no room for another.
+        // Dedicated memory cannot hold another buffer.
         let Some(allocation) = root.allocation.as_ref().filter(|a| within && !a.is_dedicated()) else {
             return Self::new(context, name, len, Location::Device);
         };
@@ -349,7 +354,7 @@ impl<T: Pod> Buffer<T> {
         // SAFETY: as above.
         let roots = unsafe { device.get_buffer_memory_requirements(root.handle) };
         let offset = allocation.offset() + first;
-        // Whatever the device asks, which no device at hand does.
+        // Handles any alignment or type that the device demands, though no tested device demands one.
         if !offset.is_multiple_of(needs.alignment)
             || first + needs.size > roots.size
             || roots.memory_type_bits & !needs.memory_type_bits != 0
@@ -378,17 +383,17 @@ impl<T: Pod> Buffer<T> {
         Ok(buffer)
     }
 
-    /// Number of elements asked for.
+    /// Number of elements.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether it was made for 0 elements.
+    /// True if it was made for 0 elements.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// The name it was made with, which debuggers show.
+    /// Its name, which debuggers show.
     pub fn name(&self) -> &str {
         &self.raw.name
     }
@@ -401,7 +406,7 @@ impl<T: Pod> Buffer<T> {
     /// Copies `data` to the elements from `first` on, and waits. Not for loops.
     ///
     /// # Panics
-    /// Never: elements beyond the buffer's end are an error of the caller and cut off.
+    /// Never: elements beyond the buffer's end are the caller's error and are cut off.
     pub fn upload(&self, first: usize, data: &[T]) -> Result<(), GpuError> {
         let data = &data[..data.len().min(self.len.saturating_sub(first))];
         if data.is_empty() {
@@ -447,15 +452,16 @@ impl<T: Pod> Buffer<T> {
         Ok(out)
     }
 
-    /// What the device left in a [`Location::Readback`] or [`Location::Upload`] buffer; empty for device memory.
-    /// Read it only after the submission that wrote it was waited for.
+    /// The contents of a [`Location::Readback`] or [`Location::Upload`] buffer; empty for device memory. Read
+    /// it only after waiting for the submission that wrote it.
     pub fn mapped(&self) -> &[T] {
         let bytes = self.raw.allocation.as_ref().and_then(|a| a.mapped_slice()).unwrap_or(&[]);
         let bytes = &bytes[..bytes.len().min(self.len * size_of::<T>())];
         bytemuck::try_cast_slice(bytes).unwrap_or(&[])
     }
 
-    /// Writes the first elements of an [`Location::Upload`] or [`Location::Readback`] buffer; nothing for device memory.
+    /// Writes the first elements of an [`Location::Upload`] or [`Location::Readback`] buffer; does nothing
+    /// for device memory.
     /// No submission that uses the buffer may be in flight.
     pub fn write_mapped(&self, data: &[T]) {
         let Some(pointer) = self.raw.allocation.as_ref().and_then(|a| a.mapped_ptr()) else { return };
@@ -467,7 +473,7 @@ impl<T: Pod> Buffer<T> {
     }
 }
 
-/// The types of memory that buffers may have: Vulkan gives all of one usage the same.
+/// The memory types that buffers can use: Vulkan guarantees the same ones for all buffers of one usage.
 pub(super) fn types_of_buffers(device: &ash::Device) -> Result<u32, GpuError> {
     // SAFETY: a live device; the buffer is destroyed at once.
     unsafe {
@@ -478,7 +484,7 @@ pub(super) fn types_of_buffers(device: &ash::Device) -> Result<u32, GpuError> {
     }
 }
 
-/// A buffer without memory.
+/// Makes a buffer without memory.
 fn without_memory(context: &Context, bytes: u64) -> Result<vk::Buffer, GpuError> {
     // SAFETY: a live device and a structure that lives for the call.
     unsafe { context.0.device.create_buffer(&description(bytes), None) }.check("vkCreateBuffer")
@@ -493,7 +499,8 @@ fn description(bytes: u64) -> vk::BufferCreateInfo<'static> {
     )
 }
 
-/// Within the budget: where a new block would go beyond it, and the buffer alone does not, it has memory of its own.
+/// Allocates within the budget: if a new block would exceed it and the buffer alone would not, the buffer
+/// gets its own memory.
 ///
 /// # Safety
 /// `handle` is a live buffer of the context's device without memory.
@@ -518,8 +525,8 @@ unsafe fn allocate(
     let over = || GpuError::OverBudget { name: name.into(), bytes, used: has_taken(), budget: most };
     let here = 1 << location as u32;
     let made = blocks.load(Ordering::Relaxed);
-    // The first block of a kind of memory stays once it is made: not where it is beyond. What is of another location may have one of the
-    // same kind already.
+    // The first block of a kind of memory stays once it is made, so it must not exceed the budget. A buffer
+    // of another location may already have made one of the same kind.
     let first = made & here == 0 && !fits(BLOCK);
     if (bytes > BLOCK || first && made == 0) && !fits(bytes) {
         return Err(over());
@@ -544,7 +551,7 @@ unsafe fn allocate(
             return Ok(allocation);
         }
         allocator.free(allocation).map_err(failed)?;
-        // What stays all the same, if anything.
+        // Counts any memory that stays all the same.
         count(allocator.capacity().saturating_sub(before));
         if !fits(bytes) {
             return Err(over());
@@ -568,7 +575,8 @@ impl Drop for RawBuffer {
             let _ = allocator.free(allocation);
             if self.counts {
                 let less = before.saturating_sub(allocator.capacity());
-                // What a buffer that does not count made may go with one that does, where both are of one kind of memory.
+                // A block made by a buffer that does not count may be freed with one that does, if both use
+                // one kind of memory.
                 let left = |taken: u64| Some(taken.saturating_sub(less));
                 let _ = self.context.0.budget.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, left);
             }
@@ -580,7 +588,7 @@ impl Drop for RawBuffer {
 mod tests {
     use super::*;
 
-    /// A device's memory: heaps by size, and of each type its flags and heap.
+    /// A device's memory: heaps by size, and the flags and heap of each type.
     fn memory(heaps: &[u64], types: &[(vk::MemoryPropertyFlags, u32)]) -> vk::PhysicalDeviceMemoryProperties {
         let mut memory = vk::PhysicalDeviceMemoryProperties {
             memory_heap_count: heaps.len() as u32,
@@ -602,17 +610,17 @@ mod tests {
         let heaps = |memory: &vk::PhysicalDeviceMemoryProperties, types| {
             Location::ALL.map(|location| location.heap(memory, types))
         };
-        // A graphics card, whose memory the host sees all of: staging is the host's all the same.
+        // A graphics card with all of its memory visible to the host: staging still uses host memory.
         let card = memory(&[24 << 30, 32 << 30], &[(local, 0), (host, 1), (cached, 1), (local | host, 0)]);
         assert_eq!(heaps(&card, !0), [Some(0), Some(1), Some(1)]);
-        // One of which it sees a window.
+        // A card with only a window visible.
         let window = memory(&[24 << 30, 32 << 30, 256 << 20], &[(host, 1), (local, 0), (cached, 1), (local | host, 2)]);
         assert_eq!(heaps(&window, !0), [Some(0), Some(1), Some(1)]);
-        // One memory for all, and a device whose host sees nothing but the device's.
+        // One memory for all, and a device whose host sees only device memory.
         assert_eq!(heaps(&memory(&[16 << 30], &[(local | cached, 0)]), !0), [Some(0); 3]);
         let only = memory(&[8 << 30, 8 << 30], &[(local, 1), (local | host, 1), (local, 0)]);
         assert_eq!(heaps(&only, !0), [Some(1); 3]);
-        // A type that buffers may not have is none.
+        // Memory types that buffers cannot use are skipped.
         assert_eq!(heaps(&card, 0b1011), [Some(0), Some(1), Some(1)]);
         assert_eq!(heaps(&card, 0b1001), [Some(0); 3]);
         assert_eq!(heaps(&card, 0b0110)[0], None);
@@ -621,9 +629,9 @@ mod tests {
     /// No CPU device here has `VK_EXT_memory_budget`.
     #[test]
     fn others_memory_is_left_to_them() {
-        // Alone: 10 of 10; others have 3; with 4 of our own in what the process has.
+        // Alone: 10 of 10; others have 3; with 4 of our own in the process's usage.
         assert_eq!([budget(10, 0, 10, 0), budget(10, 0, 7, 0), budget(10, 4, 7, 4)], [10, 7, 7]);
-        // The caller's own 2 count too, and what others took meanwhile leaves nothing more than there is.
+        // The caller's own 2 count too; memory that others took meanwhile never gives more than the total.
         assert_eq!([budget(10, 4, 7, 6), budget(10, 4, 3, 6)], [5, 4]);
         assert_eq!((budget(5, 4, 10, 4), budget(u64::MAX, 4, u64::MAX, 0)), (5, u64::MAX));
     }

@@ -1,4 +1,4 @@
-//! Compute pipelines from reflected kernels.
+//! Compute pipelines made from reflected kernels, and the interface of a kernel.
 
 use std::{
     collections::HashMap,
@@ -15,14 +15,14 @@ use super::{
     spirv::{shared_bytes, with_modes, words},
 };
 
-/// What a kernel does to a binding; the recorder makes its barriers from it.
+/// How a kernel accesses a binding; the recorder derives its barriers from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// Loads only.
     Read,
-    /// Stores only; what was there may stay in parts.
+    /// Stores only; parts may keep their previous content.
     Write,
-    /// Both, atomics among them.
+    /// Both, including atomics.
     ReadWrite,
 }
 
@@ -33,16 +33,16 @@ impl Access {
     }
 }
 
-/// A storage buffer of a kernel, of set 0.
+/// A storage buffer of a kernel, in set 0.
 #[derive(Debug, Clone, Copy)]
 pub struct Binding {
-    /// Of the buffer's contents.
+    /// Name of the buffer's contents.
     pub name: &'static CStr,
-    /// What the kernel does to it.
+    /// How the kernel accesses it.
     pub access: Access,
     /// Bytes of an element.
     pub element_bytes: u32,
-    /// Which 4-byte words of an element are floats: bit k for word k.
+    /// Float words of an element, in 4-byte words: bit k for word k.
     pub floats: u32,
 }
 
@@ -51,13 +51,13 @@ pub struct Binding {
 pub struct Constant {
     /// Its number in the module.
     pub id: u32,
-    /// As [`Kernel::Spec`] has it.
+    /// Its name in [`Kernel::Spec`].
     pub name: &'static CStr,
-    /// What its word is read as.
+    /// Type of its word.
     pub kind: ConstantKind,
 }
 
-/// What the word of a specialisation constant is read as.
+/// Type of the word of a specialisation constant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs, reason = "named as Rust's types are")]
 pub enum ConstantKind {
@@ -68,8 +68,9 @@ pub enum ConstantKind {
     Bool,
 }
 
-/// What takes one item of a kernel's work. glsl/generate.rs sees it by the function that a kernel asks for its number: `thread_index`,
-/// `subgroup_index` or `group_index` of `glsl/shared/common.glsl`.
+/// The threads that take one item of a kernel's work. glsl/generate.rs derives it from the function by which
+/// a kernel gets the item's number: `thread_index`, `subgroup_index` or `group_index` of
+/// `glsl/shared/common.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     /// One lane.
@@ -82,25 +83,25 @@ pub enum Unit {
 
 /// A kernel's interface. Implemented by glsl/generate.rs from the reflection, once for each `glsl/**/*.comp`.
 pub trait Kernel {
-    /// The kernel's file name without extension: its label and timestamp too.
+    /// The kernel's file name without extension; also its label and the name of its timestamp.
     const NAME: &'static str;
-    /// The same for debuggers.
+    /// [`NAME`](Self::NAME) as a C string, for debuggers.
     const LABEL: &'static CStr;
-    /// The module as it was compiled: little-endian words, SPIR-V 1.5.
+    /// The compiled module: little-endian words, SPIR-V 1.5.
     const SPIRV: &'static [u8];
-    /// The same with the operations of subgroups through shared memory, see `glsl/shared/subgroup.glsl`.
+    /// The module with software subgroup operations through shared memory, see `glsl/shared/subgroup.glsl`.
     const SOFTWARE_SPIRV: &'static [u8];
-    /// By number.
+    /// Bindings by number.
     const BINDINGS: &'static [Binding];
     /// The first is the workgroup size, id 0.
     const CONSTANTS: &'static [Constant];
-    /// What takes one item of its work.
+    /// The threads that take one item of its work.
     const UNIT: Unit;
-    /// It uses subgroup operations, or asks for the subgroup's size or number.
+    /// It uses subgroup operations, or the subgroup's size or number.
     const SUBGROUPS: bool;
-    /// The threads of a workgroup meet at barriers, where all of its subgroups come.
+    /// The threads of a workgroup meet at barriers, which all of its subgroups reach.
     const BARRIERS: bool;
-    /// What its SPIR-V needs of the device.
+    /// Device features that its SPIR-V needs.
     const FEATURES: &'static [Feature];
     /// Its push constants, in scalar layout; at most 128 bytes.
     type Push: Pod;
@@ -110,15 +111,16 @@ pub trait Kernel {
     type Buffers<'a>;
     /// Constant ids and values; the first is the workgroup size, id 0.
     fn spec_words(spec: &Self::Spec) -> Vec<(u32, u32)>;
-    /// Hands over the buffers by binding. A function, not a list: recording a frame takes no memory from the heap.
+    /// Passes the buffers by binding to `with`. A callback, not a list, so that recording a frame allocates
+    /// nothing from the heap.
     fn raw_buffers<R>(buffers: &Self::Buffers<'_>, with: impl FnOnce(&[&Arc<RawBuffer>]) -> R) -> R;
 }
 
-/// Bytes of a module, where words can be read.
+/// Bytes of a module, aligned so that words can be read.
 #[repr(align(4))]
 pub struct Words<const N: usize>(pub [u8; N]);
 
-/// A kernel's constants, where its types do not matter.
+/// A kernel's constants, without its types.
 #[derive(Debug, Clone, Copy)]
 pub struct KernelInfo {
     /// [`Kernel::NAME`].
@@ -146,7 +148,7 @@ pub struct KernelInfo {
 }
 
 impl KernelInfo {
-    /// Of one kernel.
+    /// The constants of kernel `K`.
     pub const fn of<K: Kernel>() -> Self {
         KernelInfo {
             name: K::NAME,
@@ -164,8 +166,8 @@ impl KernelInfo {
     }
 }
 
-/// The pipelines of a context by kernel and constants. They stay until it ends, so that what is made again shares them: constants are
-/// few, and to compile a kernel takes longer than most of what it is then used for.
+/// The pipelines of a context by kernel and constants. They live as long as the context, so that later
+/// requests share them: there are few constants, and compiling a kernel takes longer than most uses of it.
 pub(super) type Made = Mutex<HashMap<(&'static str, Vec<(u32, u32)>), RawPipeline>>;
 
 #[derive(Clone, Copy, Default)]
@@ -177,7 +179,7 @@ pub(super) struct RawPipeline {
 
 impl RawPipeline {
     /// # Safety
-    /// No work that uses it is left, and no [`Pipeline`] of it.
+    /// Neither work that uses it nor a [`Pipeline`] of it is left.
     pub unsafe fn destroy(self, device: &ash::Device) {
         // SAFETY: by the contract above; null handles are allowed.
         unsafe {
@@ -188,24 +190,26 @@ impl RawPipeline {
     }
 }
 
-/// A pipeline that a context has made, for whoever records commands of their own beside glint's. It lives as long as the context.
+/// A pipeline made by a context, for applications that record their own commands next to glint's. It lives as
+/// long as the context.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MadePipeline {
     /// [`Kernel::NAME`].
     pub kernel: &'static str,
     /// Ids and values of the specialisation constants that it was made with; constant 0 is the workgroup size.
     pub constants: Vec<(u32, u32)>,
-    /// Of compute.
+    /// The compute pipeline.
     pub pipeline: vk::Pipeline,
-    /// Of set 0 and the push constants, from byte 0 on.
+    /// Its layout: set 0 and the push constants, from byte 0 on.
     pub layout: vk::PipelineLayout,
-    /// Of set 0: a storage buffer for each of [`Kernel::BINDINGS`], as push descriptors if the device was made with
-    /// `VK_KHR_push_descriptor`.
+    /// The layout of set 0: a storage buffer for each of [`Kernel::BINDINGS`], as push descriptors if the
+    /// device was made with `VK_KHR_push_descriptor`.
     pub set_layout: vk::DescriptorSetLayout,
 }
 
 impl Context {
-    /// The pipelines that were made so far, by kernel and constants, those of other contexts of the device that share them too.
+    /// All pipelines so far, by kernel and constants, including those of other contexts that share this one's
+    /// pipelines.
     pub fn pipelines(&self) -> Vec<MadePipeline> {
         let made = self.0.pipelines.lock().unwrap_or_else(|e| e.into_inner());
         let all = made.iter().map(|((kernel, constants), raw)| MadePipeline {
@@ -233,10 +237,10 @@ pub struct Pipeline<K: Kernel> {
 }
 
 impl<K: Kernel> Pipeline<K> {
-    /// Shares what the context has made of the same kernel and constants, else makes it.
+    /// Shares the context's pipeline of the same kernel and constants, or makes it.
     ///
-    /// Where [`DeviceInfo::workgroup`](super::DeviceInfo::workgroup) asks for it, kernels of independent subgroups get
-    /// workgroups of one subgroup, whatever `spec` says.
+    /// If [`DeviceInfo::workgroup`](super::DeviceInfo::workgroup) requires it, kernels of independent
+    /// subgroups get workgroups of one subgroup, regardless of `spec`.
     pub fn new(context: &Context, spec: &K::Spec) -> Result<Self, GpuError> {
         let mut spec = K::spec_words(spec);
         let subgroups = context.0.subgroups;
@@ -325,7 +329,7 @@ impl<K: Kernel> Pipeline<K> {
         };
         let result = make();
         let mut made = made();
-        // Another thread may have made the same meanwhile.
+        // Another thread may have made the same pipeline meanwhile.
         let known = made.get(&key).copied();
         if result.is_err() || known.is_some() {
             // SAFETY: nothing has seen it.
@@ -345,10 +349,10 @@ impl<K: Kernel> Pipeline<K> {
     }
 }
 
-/// Constant of the software subgroups' size, see `glsl/shared/subgroup.glsl`.
+/// Constant id of the software subgroups' size, see `glsl/shared/subgroup.glsl`.
 const SOFTWARE_LANES: u32 = 100;
 
-/// What the device must allow and have for a kernel.
+/// Checks the device's limits and features for a kernel.
 fn check<K: Kernel>(context: &Context, workgroup: u32, shared: u64) -> Result<(), GpuError> {
     let (info, limits) = (context.info(), context.0.limits);
     let device = || info.name.clone();
@@ -385,8 +389,8 @@ mod tests {
     use super::*;
     use crate::{gpu::ContextOptions, stages::radix_upsweep};
 
-    /// llvmpipe from Mesa 24 on ends subgroups at control barriers of subgroups; that glint leaves these out is what keeps it right there,
-    /// and where they come back the check of a device sees it.
+    /// llvmpipe from Mesa 24 on ends subgroups at subgroup control barriers. glint is right there only
+    /// because it omits these barriers, and if they come back the check of a device detects it.
     #[cfg(feature = "train")]
     #[test]
     fn control_barriers_between_lanes_in_lockstep_are_seen_where_they_are_wrong() {
@@ -401,15 +405,16 @@ mod tests {
         assert_eq!(!broken.is_empty(), version.unwrap() >= 24, "{}: {broken:?}", context.info().driver);
     }
 
-    /// Where a device offers several sizes, kernels must be told which one they have, and that no lane is missing. No CPU device offers
-    /// several; that the demand is made shows in what the validation layers say of one that no device could meet.
+    /// If a device offers several sizes, kernels must require their size, and full subgroups. No CPU device
+    /// offers several: the demand shows in the validation layers' messages about one that no device could
+    /// meet.
     #[test]
     fn a_pipeline_demands_full_subgroups_of_the_contexts_size() {
         let env = ContextOptions::from_env();
         if !env.validation {
             return println!("needs the validation layers, as tools/test has them");
         }
-        // Software subgroups make no demand.
+        // Software subgroups require no size.
         let options = ContextOptions { validation: true, device: env.device, ..Default::default() };
         let mut context = Context::new(&options).unwrap();
         let spec = radix_upsweep::Spec {
@@ -424,11 +429,12 @@ mod tests {
         assert_eq!(context.validation_messages(), [""; 0]);
         let subgroups = &mut Arc::get_mut(&mut context.0).unwrap().subgroups;
         (subgroups.lanes, subgroups.require) = (256, true);
-        // Whatever the driver makes of it; of another block, as the context has what it made before.
+        // The driver may do anything with it. Another block size, as the context shares pipelines that it
+        // made before.
         let spec = radix_upsweep::Spec { block: 512, ..spec };
         let _ = radix_upsweep::Stage::new(&context, &spec);
         let said = context.validation_messages().concat();
-        // Above the largest size; and no whole number of subgroups, which counts where they must be full.
+        // Above the largest size, and not a whole number of subgroups, which matters if they must be full.
         assert!(said.contains("requiredSubgroupSize-02762") && said.contains("StageCreateInfo-pNext-02757"), "{said}");
     }
 }

@@ -1,4 +1,4 @@
-//! Command, query and descriptor pools that recorders write into, and their reuse.
+//! Command, query and descriptor pools of recorders, and their reuse.
 
 use std::time::Duration;
 
@@ -33,13 +33,13 @@ pub(super) unsafe fn destroy_slot(device: &ash::Device, slot: CommandSlot) {
 /// One stage's time on the device.
 #[derive(Debug, Clone, Copy)]
 pub struct StageTime {
-    /// The kernel's; `fill` and `copy` of the two commands that are none.
+    /// The kernel's name; or `fill` or `copy`, the two commands that are not kernels.
     pub name: &'static str,
-    /// Between the timestamps before and after it, its barrier included.
+    /// Time between the timestamps before and after it, including its barrier.
     pub time: Duration,
 }
 
-/// A timestamp before the first stage and one behind each.
+/// A timestamp before the first stage and one after each.
 pub(super) struct Stamps {
     queries: vk::QueryPool,
     names: Vec<&'static str>,
@@ -57,7 +57,7 @@ impl Stamps {
     }
 
     /// # Safety
-    /// The device is done with what was recorded.
+    /// The device is done with the recorded commands.
     pub unsafe fn reset(&mut self, device: &ash::Device) {
         self.names.clear();
         // SAFETY: by the contract above; `hostQueryReset` is enabled.
@@ -72,7 +72,7 @@ impl Stamps {
     }
 
     /// # Safety
-    /// As for `begin`.
+    /// Those of `begin`.
     pub unsafe fn stamp(&mut self, device: &ash::Device, commands: vk::CommandBuffer, name: &'static str) {
         if self.names.len() < MAX_TIMED as usize {
             self.names.push(name);
@@ -97,14 +97,14 @@ impl Stamps {
     }
 
     /// # Safety
-    /// As for `reset`.
+    /// Those of `reset`.
     unsafe fn destroy(self, device: &ash::Device) {
         // SAFETY: by the contract above.
         unsafe { device.destroy_query_pool(self.queries, None) };
     }
 }
 
-/// Descriptor sets, for devices without push descriptors: one a dispatch, given back together.
+/// Descriptor sets, for devices without push descriptors: one for each dispatch, freed together.
 #[derive(Default)]
 pub(super) struct Sets {
     pools: Vec<vk::DescriptorPool>,
@@ -112,7 +112,7 @@ pub(super) struct Sets {
 }
 
 impl Sets {
-    /// Sets of a pool, each with room for the buffers of any kernel.
+    /// Sets in a pool, each with the capacity for the buffers of any kernel.
     const OF_POOL: usize = 256;
 
     pub fn allocate(
@@ -139,7 +139,7 @@ impl Sets {
     }
 
     /// # Safety
-    /// The device is done with what was recorded.
+    /// The device is done with the recorded commands.
     pub unsafe fn reset(&mut self, device: &ash::Device) -> Result<(), vk::Result> {
         for &pool in &self.pools[..self.used.div_ceil(Self::OF_POOL)] {
             // SAFETY: by the contract above.
@@ -150,14 +150,14 @@ impl Sets {
     }
 
     /// # Safety
-    /// As for `reset`.
+    /// Those of `reset`.
     unsafe fn destroy(self, device: &ash::Device) {
         // SAFETY: by the contract above.
         self.pools.into_iter().for_each(|pool| unsafe { device.destroy_descriptor_pool(pool, None) });
     }
 }
 
-/// What a caller's command buffers use besides buffers.
+/// Pools that a caller's command buffers use.
 pub(super) struct Pools {
     pub context: Context,
     pub stamps: Option<Stamps>,
@@ -175,8 +175,8 @@ impl Drop for Pools {
     }
 }
 
-/// Ticks between two timestamps of which only the bits of `mask` count: they begin again at 0, at most once in between. Half
-/// of the range or more is a clock that went back, which is no time.
+/// Ticks between two timestamps with the valid bits `mask`. They wrap to 0 at most once in between. Half of
+/// the range or more means that the clock went back, and counts as 0.
 fn ticks(from: u64, to: u64, mask: u64) -> u64 {
     let ticks = to.wrapping_sub(from) & mask;
     if ticks <= mask / 2 { ticks } else { 0 }
@@ -217,7 +217,7 @@ pub(super) fn make_slot(context: &Context) -> Result<CommandSlot, GpuError> {
     }
 }
 
-/// Makes a slot whose work is done ready for the next recorder.
+/// Prepares a slot whose work is done for the next recorder.
 pub(super) fn recycle(context: &Context, mut slot: CommandSlot) {
     let device = &context.0.device;
     // SAFETY: the device is done with the slot (or never saw it).
@@ -242,7 +242,7 @@ mod tests {
     #[test]
     fn timestamps_of_few_bits_begin_again_at_0() {
         assert_eq!(ticks(5, 9, u64::MAX), 4);
-        // 36 bits; above them a driver may leave anything.
+        // 36 bits; a driver may leave anything above them.
         let mask = (1 << 36) - 1;
         assert_eq!(ticks(0xABC0_0000_0000_0000 | (mask - 2), 0x1230_0000_0000_0007, mask), 10);
         assert_eq!((ticks(9, 5, u64::MAX), ticks(9, 5, 0)), (0, 0));

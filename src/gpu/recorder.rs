@@ -1,4 +1,5 @@
-//! Turns stages into commands: descriptors, push constants, barriers from declared access, labels, timestamps.
+//! Records stages as commands: descriptors, push constants, barriers from declared access, labels,
+//! timestamps.
 
 use std::{
     collections::HashMap,
@@ -26,27 +27,27 @@ pub struct Recorder {
     slot: Option<CommandSlot>,
     pub(super) commands: vk::CommandBuffer,
     kept: Kept,
-    /// Stages have timestamps: the slot's, or those of what is kept.
+    /// Stages are timed, with the slot's timestamps or those in `kept`.
     timed: bool,
-    /// Why a twin could not stand in; kept for `submit`.
+    /// The error of a twin that could not replace its kernel; returned by `submit`.
     failed: Option<GpuError>,
 }
 
-/// The buffers that recorded commands use, and with them the context and its pipelines: they must outlive the commands. Handed to
-/// [`Recorder::borrow`] once the commands have run, its memory serves again.
+/// Buffers that recorded commands use, which keep the context and its pipelines alive: they must outlive the
+/// commands. Pass it to [`Recorder::borrow`] again once the commands have run, to reuse its memory.
 #[derive(Default)]
 pub struct Kept {
-    /// Since the last barrier: whether a buffer was written (true) or only read.
+    /// Buffers used since the last barrier: true if written, false if only read.
     touched: HashMap<vk::Buffer, bool>,
     buffers: HashMap<vk::Buffer, Arc<RawBuffer>>,
     pools: Option<Pools>,
 }
 
 impl Kept {
-    /// As `default`, and every stage that is recorded with it is timed; not on devices without timestamps.
+    /// An empty `Kept` with which every recorded stage is timed, except on devices without timestamps.
     ///
     /// # Errors
-    /// Where the device has no memory for the queries.
+    /// The device has no memory for the queries.
     pub fn timed(context: &Context) -> Result<Self, GpuError> {
         let stamps = match context.info().timestamp_period > 0.0 {
             true => Some(Stamps::new(&context.0.device)?),
@@ -56,10 +57,10 @@ impl Kept {
         Ok(Kept { pools: Some(pools), ..Kept::default() })
     }
 
-    /// Times of the stages, in order, of one that is [`timed`](Kept::timed); else none.
+    /// Times of the stages, in order; empty unless it was made by [`timed`](Kept::timed).
     ///
     /// # Errors
-    /// Where the commands have not run, or the device is lost.
+    /// The commands have not run, or the device is lost.
     pub fn times(&self) -> Result<Vec<StageTime>, GpuError> {
         let Some((context, stamps)) = self.pools.as_ref().and_then(|p| Some((&p.context, p.stamps.as_ref()?))) else {
             return Ok(vec![]);
@@ -67,7 +68,7 @@ impl Kept {
         stamps.read(context)
     }
 
-    /// Room for so many buffers: to record with no more takes nothing from the heap.
+    /// Reserves memory for `buffers` buffers: recording with no more allocates nothing from the heap.
     pub fn reserve(&mut self, buffers: usize) {
         self.touched.reserve(buffers);
         self.buffers.reserve(buffers);
@@ -77,39 +78,39 @@ impl Kept {
         self.buffers.entry(buffer.handle).or_insert_with(|| buffer.clone());
     }
 
-    /// Lets go of all, and keeps the memory of the lists.
+    /// Releases all buffers, and keeps the memory of the lists.
     pub fn clear(&mut self) {
         self.touched.clear();
         self.buffers.clear();
     }
 
-    /// Buffers.
+    /// Number of buffers.
     pub fn len(&self) -> usize {
         self.buffers.len()
     }
 
-    /// Whether no buffer is kept.
+    /// True if no buffer is kept.
     pub fn is_empty(&self) -> bool {
         self.buffers.is_empty()
     }
 }
 
-/// What has to do with a kernel beside itself.
+/// Twins that run with a kernel.
 struct Twins {
-    /// Runs in its place.
+    /// Replaces the kernel.
     stand_in: Option<Twin>,
-    /// Runs beside it.
+    /// Checks the kernel.
     judge: Option<(Twin, Judge)>,
 }
 
-/// How many workgroups there are.
+/// Number of workgroups.
 enum Count<'a> {
     Of(u32),
     /// Words `3·slot..3·slot+3` of a buffer.
     Indirect(&'a Buffer<u32>, u32),
 }
 
-/// Work on its way. Dropping it waits.
+/// Submitted work. Dropping it waits.
 pub struct Submission {
     context: Context,
     slot: Option<CommandSlot>,
@@ -150,12 +151,13 @@ impl Recorder {
     /// writes to shared buffers available to `COMPUTE_SHADER` (`SHADER_READ | SHADER_WRITE`), and `TRANSFER` for copies
     /// and fills; after the last stage results must be awaited from `COMPUTE_SHADER`/`SHADER_WRITE`.
     ///
-    /// The compute pipeline that is bound, descriptor set 0 of compute and the push constants are the recorder's afterwards.
+    /// The recorder changes the bound compute pipeline, descriptor set 0 of compute and the push constants.
     ///
-    /// Twins stand in for no kernel here: the commands before it would have to run first, and they are the caller's to submit.
+    /// Twins replace no kernel here: the commands before it would have to run first, and only the caller can
+    /// submit them.
     ///
-    /// `kept` is that of an earlier recording whose commands have run, or a new one. [`Recorder::finish`] gives it back with what the
-    /// caller must keep until the commands have run.
+    /// `kept` is that of an earlier recording whose commands have run, or a new one. [`Recorder::finish`]
+    /// returns it with the buffers that the caller must keep alive until the commands have run.
     ///
     /// # Safety
     /// The command buffer stays in the recording state while the recorder lives.
@@ -179,7 +181,7 @@ impl Recorder {
         Recorder { context: context.clone(), slot: None, commands, kept, timed, failed }
     }
 
-    /// The context that it records for.
+    /// The context for which it records.
     pub fn context(&self) -> &Context {
         &self.context
     }
@@ -188,8 +190,9 @@ impl Recorder {
         &self.context.0.device
     }
 
-    /// Times every stage from here on (own command buffers on devices with timestamps only; for a caller's see [`Kept::timed`]). Of a stage that a twin stands in for
-    /// this is the time on the wall, from the last command before it to the first after it, copies and waiting included.
+    /// Times every stage from here on (own command buffers on devices with timestamps only; for a caller's
+    /// see [`Kept::timed`]). The time of a stage that a twin replaces is wall time, from the last command
+    /// before it to the first after it, including copies and waiting.
     pub fn time_stages(&mut self) {
         if let Some(slot) = &self.slot
             && !self.timed
@@ -201,7 +204,7 @@ impl Recorder {
         }
     }
 
-    /// Runs `kernel` on so many workgroups; not at all for 0.
+    /// Runs `kernel` on `groups` workgroups; does nothing for 0.
     pub fn dispatch<K: Kernel>(
         &mut self,
         pipeline: &Pipeline<K>,
@@ -219,7 +222,7 @@ impl Recorder {
         }
     }
 
-    /// Runs `kernel` on as many workgroups as words `3·slot..3·slot+3` of `args` say.
+    /// Runs `kernel` on the number of workgroups in words `3·slot..3·slot+3` of `args`.
     pub fn dispatch_indirect<K: Kernel>(
         &mut self,
         pipeline: &Pipeline<K>,
@@ -279,7 +282,7 @@ impl Recorder {
         self.close("fill");
     }
 
-    /// Copies `count` elements; what would lie beyond either end is left out.
+    /// Copies `count` elements, or fewer if either buffer ends earlier.
     pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, from_first: usize, to: &Buffer<T>, to_first: usize, count: usize) {
         let count = count.min(from.len().saturating_sub(from_first)).min(to.len().saturating_sub(to_first));
         if count == 0 {
@@ -302,7 +305,7 @@ impl Recorder {
     /// Ends recording and hands the work to the queue without waiting.
     ///
     /// # Errors
-    /// [`GpuError::Twin`] where a twin could not stand in for its kernel; nothing behind it was run then.
+    /// [`GpuError::Twin`] if a twin could not replace its kernel; later stages were not run then.
     pub fn submit(mut self) -> Result<Submission, GpuError> {
         if let Some(why) = self.failed.take() {
             return Err(why);
@@ -319,7 +322,7 @@ impl Recorder {
 
     /// Ends recording into the slot and submits it.
     fn end(&self, slot: &CommandSlot) -> Result<(), GpuError> {
-        // What the host reads after the wait must be made visible to it.
+        // Makes results visible to the host, which reads them after the wait.
         self.host_barrier();
         let inner = &self.context.0;
         // SAFETY: the command buffer is recording; the queue is used under its lock; the slot stays until the work is done.
@@ -340,7 +343,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Twins that have to do with the kernel, if there are any.
+    /// Twins of the kernel, if there are any.
     fn twins<K: Kernel>(&self) -> Option<Twins> {
         let inner = &self.context.0;
         let of = |twins: &[Twin]| twins.iter().find(|twin| twin.stage == K::NAME).copied();
@@ -359,7 +362,7 @@ impl Recorder {
         Some(Twins { stand_in, judge })
     }
 
-    /// Runs what is recorded so far, then the kernel or its stand-in by itself, and goes on recording.
+    /// Runs the commands recorded so far, then the kernel or its twin by itself, and resumes recording.
     fn run_alone<K: Kernel>(
         &mut self,
         twins: Twins,
@@ -372,14 +375,14 @@ impl Recorder {
             return;
         }
         let outcome = self.run_with_twins(twins, pipeline, buffers, push, count);
-        // What is recorded next needs a command buffer even where this failed.
+        // The next command needs a command buffer even if this failed.
         self.failed = outcome.and(self.begin_again()).err();
         self.kept.clear();
         self.label(K::LABEL);
         self.close(K::NAME);
     }
 
-    /// Submits what is recorded so far and waits for it.
+    /// Submits the commands recorded so far and waits for them.
     fn finish_recorded(&self) -> Result<(), GpuError> {
         let Some(slot) = &self.slot else { return Err(GpuError::NotOurs) };
         self.end(slot)?;
@@ -462,7 +465,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Runs the kernel by itself, with nothing on its way; its time on the device, where there are timestamps.
+    /// Runs the kernel alone, with nothing else submitted. Returns its time on the device, if there are
+    /// timestamps.
     fn run_timed<K: Kernel>(
         &mut self,
         pipeline: &Pipeline<K>,
@@ -487,7 +491,7 @@ impl Recorder {
         }
     }
 
-    /// Times the next stage alone, where that is possible; times of earlier ones are lost.
+    /// Times only the next stage, if possible; times of earlier ones are lost.
     fn time_alone(&mut self) {
         if let Some(slot) = &mut self.slot
             && self.context.info().timestamp_period > 0.0
@@ -501,10 +505,11 @@ impl Recorder {
         }
     }
 
-    /// For a borrowed command buffer: the buffers that must outlive the commands, and with them the context and its pipelines.
+    /// Ends recording into a borrowed command buffer. Returns the buffers that must outlive the commands,
+    /// which keep the context and its pipelines alive.
     ///
-    /// Without push descriptors a stage for whose descriptors there is no memory is left out, with all that follow it; an error is
-    /// logged.
+    /// Without push descriptors, a stage is skipped if there is no memory for its descriptors, and so are all
+    /// later stages; an error is logged.
     pub fn finish(mut self) -> Kept {
         if let Some(why) = &self.failed {
             tracing::error!("stages are missing from the caller's command buffer: {why}");
@@ -512,7 +517,7 @@ impl Recorder {
         std::mem::take(&mut self.kept)
     }
 
-    /// False if that failed, now or before: nothing is to be dispatched.
+    /// Returns false if that failed, now or before: nothing may be dispatched.
     fn bind<K: Kernel>(
         &mut self,
         pipeline: &Pipeline<K>,
@@ -540,7 +545,8 @@ impl Recorder {
         true
     }
 
-    /// Descriptors, and the barrier before them. Nothing is taken from the heap once `kept` has seen as many buffers.
+    /// Binds descriptors, after a barrier if needed. Nothing is allocated from the heap once `kept` has held
+    /// this number of buffers.
     fn bind_buffers<K: Kernel>(
         &mut self,
         pipeline: &Pipeline<K>,
@@ -583,7 +589,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// A barrier if anything is about to be read after a write, or written after any use, since the last barrier.
+    /// Records a barrier if a buffer is about to be read after a write, or written after any use, since the
+    /// last barrier.
     pub(super) fn access<'a>(&mut self, used: impl Iterator<Item = (&'a RawBuffer, Access)> + Clone) {
         let used = used.filter(|(b, _)| !b.unused).map(|(b, a)| (b.memory(), a.writes()));
         let touched = &self.kept.touched;
@@ -595,7 +602,7 @@ impl Recorder {
         }
     }
 
-    /// What comes waits for what was recorded or submitted before, and sees what it wrote.
+    /// Later commands wait for all work recorded or submitted before, and see its writes.
     pub fn barrier(&mut self) {
         let everything = [vk::MemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
@@ -651,12 +658,12 @@ impl Recorder {
     }
 }
 
-/// Copies of what a kernel is given.
+/// Copies the kernel's buffers to the host.
 fn download<K: Kernel>(buffers: &K::Buffers<'_>) -> Result<Vec<HostBuffer>, GpuError> {
     K::raw_buffers(buffers, |raw| raw.iter().map(|buffer| Ok(HostBuffer::new(&buffer.bytes().download()?))).collect())
 }
 
-/// What a stand-in made of the buffers that its kernel writes.
+/// Uploads a twin's results to the buffers that its kernel writes.
 fn upload<K: Kernel>(buffers: &K::Buffers<'_>, now: &[HostBuffer]) -> Result<(), GpuError> {
     K::raw_buffers(buffers, |raw| {
         let written = raw.iter().zip(K::BINDINGS).zip(now).filter(|((raw, b), _)| b.access.writes() && !raw.unused);
@@ -665,7 +672,7 @@ fn upload<K: Kernel>(buffers: &K::Buffers<'_>, now: &[HostBuffer]) -> Result<(),
 }
 
 fn run_twin(twin: Twin, call: &mut TwinCall) -> Result<(), String> {
-    // Where an earlier stage left nonsense, a twin that goes by it may index what is not there.
+    // If an earlier stage left invalid data, a twin that uses it may index out of bounds.
     catch_unwind(AssertUnwindSafe(|| (twin.run)(call))).unwrap_or_else(|panic| {
         let text = panic.downcast_ref::<String>().map(String::as_str);
         Err(text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("it panicked").to_owned())
@@ -675,7 +682,7 @@ fn run_twin(twin: Twin, call: &mut TwinCall) -> Result<(), String> {
 impl Drop for Recorder {
     fn drop(&mut self) {
         if let Some(slot) = self.slot.take() {
-            // Never submitted: the pool's reset takes the recording back.
+            // Never submitted: resetting the pool discards the recording.
             recycle(&self.context, slot);
         }
     }
@@ -688,7 +695,7 @@ impl Submission {
         self.slot.as_ref().is_none_or(|s| unsafe { self.context.0.device.get_fence_status(s.fence) }.unwrap_or(true))
     }
 
-    /// Waits for the work and gives the times of its stages, in order, if they were asked for.
+    /// Waits for the work and returns the times of its stages, in order, if timing was on.
     pub fn wait(mut self) -> Result<Vec<StageTime>, GpuError> {
         self.block()?;
         let inner = &self.context.0;

@@ -1,5 +1,5 @@
-//! What is read from SPIR-V modules, and the execution modes that are added to them for the device at hand. glsl/generate.rs reads
-//! its instructions through this file too.
+//! Reads SPIR-V modules, and adds execution modes to them for the device in use. glsl/generate.rs reads its
+//! instructions through this file too.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use std::collections::HashMap;
 const HEADER: usize = 5;
 const MAGIC: u32 = 0x0723_0203;
 
-/// Opcodes, as far as they are asked for here and in glsl/generate.rs.
+/// Opcodes used here and in glsl/generate.rs.
 #[allow(missing_docs, reason = "named as the SPIR-V specification names them")]
 pub mod op {
     pub const NAME: u32 = 5;
@@ -76,7 +76,7 @@ pub fn opcode(instruction: &[u32]) -> u32 {
     instruction[0] & 0xFFFF
 }
 
-/// An execution mode, with what it needs to be declared.
+/// An execution mode, with the declarations it needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mode {
     /// Its number in the SPIR-V specification.
@@ -85,18 +85,18 @@ pub struct Mode {
     pub operands: &'static [u32],
     /// Number of the capability that declares it.
     pub capability: Option<u32>,
-    /// Name of the extension that brings it.
+    /// Name of the extension that defines it.
     pub extension: Option<&'static str>,
 }
 
-/// −0, infinities and NaN of float32 are what IEEE 754 says. Without it a compiler may assume that there are none, and turn
-/// `!(x >= lo)` into `x < lo`.
+/// −0, infinities and NaN of float32 follow IEEE 754. Without it a compiler may assume that there are none,
+/// and turn `!(x >= lo)` into `x < lo`.
 pub const SIGNED_ZERO_INF_NAN_PRESERVE: Mode =
     Mode { mode: 4461, operands: &[32], capability: Some(4466), extension: None };
-/// The lanes of a subgroup that part at a branch are together again where the source says so.
+/// The lanes of a subgroup that diverge at a branch are together again at the point that the source implies.
 pub const MAXIMALLY_RECONVERGES: Mode =
     Mode { mode: 6023, operands: &[], capability: None, extension: Some("SPV_KHR_maximal_reconvergence") };
-/// The same where the whole subgroup came to the branch.
+/// Lanes reconverge likewise, but only if the whole subgroup reached the branch.
 pub const SUBGROUP_UNIFORM_CONTROL_FLOW: Mode =
     Mode { mode: 4421, operands: &[], capability: None, extension: Some("SPV_KHR_subgroup_uniform_control_flow") };
 
@@ -142,8 +142,8 @@ fn literal(text: &str) -> Vec<u32> {
     words
 }
 
-/// Bytes of shared memory that a module takes with these specialisation constants (ids and values): each variable on the next
-/// multiple of 16, as no layout of theirs can want more.
+/// Bytes of shared memory of a module with these specialisation constants (ids and values). Each variable
+/// begins on the next multiple of 16, as no layout of theirs can need more.
 pub fn shared_bytes(module: &[u32], spec: &[(u32, u32)]) -> Result<u64, String> {
     const WORKGROUP: u32 = 4; // storage class
     const SPEC_ID: u32 = 1; // decoration
@@ -169,13 +169,13 @@ pub fn shared_bytes(module: &[u32], spec: &[(u32, u32)]) -> Result<u64, String> 
     Ok(bytes)
 }
 
-/// Types and constants met so far.
+/// Types and constants read so far.
 #[derive(Default)]
 struct Reader {
     /// Bytes of a type.
     sizes: HashMap<u32, u64>,
     pointees: HashMap<u32, u32>,
-    /// A constant's words, or its members' of a composite.
+    /// A constant's words, or the words of a composite's members.
     values: HashMap<u32, Vec<u32>>,
 }
 
@@ -194,7 +194,7 @@ impl Reader {
             op::TYPE_BOOL => drop(self.sizes.insert(i[1], 4)),
             op::TYPE_INT | op::TYPE_FLOAT => drop(self.sizes.insert(i[1], u64::from(i[2] / 8))),
             op::TYPE_VECTOR => {
-                // A vector of three lies where one of four would.
+                // A vector of three is aligned like one of four.
                 let size = self.size(i[2])? * u64::from(i[3] + i[3] % 2);
                 self.sizes.insert(i[1], size);
             }
@@ -220,7 +220,7 @@ impl Reader {
         Ok(())
     }
 
-    /// What sizes of arrays are made of; none for other expressions.
+    /// Evaluates an expression for an array's size; none for other expressions.
     fn evaluate(&self, operation: u32, operands: &[u32]) -> Option<u32> {
         if operation == op::COMPOSITE_EXTRACT {
             return self.values.get(&operands[0])?.get(operands[1] as usize).copied();
@@ -292,7 +292,7 @@ mod tests {
         assert!(name.starts_with(text) && name[text.len()..].iter().all(|&b| b == 0) && name.len() > text.len());
         assert_eq!((&list[7][1..], &list[8][1..]), (&[7, 4461, 32][..], &[7, 4421][..]));
         assert_eq!(with_modes(&before, &[]).unwrap(), before);
-        // What is there already stays, in front of an extension too.
+        // Existing modes stay, even in front of an extension.
         let twice = with_modes(&after, &[MAXIMALLY_RECONVERGES]).unwrap();
         assert_eq!(opcodes(&twice), [17, 17, 17, 10, 10, 11, 14, 15, 16, 16, 16, 16, 20]);
         assert_eq!(instructions(&twice).unwrap()[8][1..], [7, 6023]);

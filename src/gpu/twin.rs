@@ -1,5 +1,6 @@
-//! Functions of the host that stand in for kernels, or run beside them on the same inputs, so that the one which a driver compiles
-//! wrongly can be found. What they compute is the business of whoever hands them to [`ContextOptions`](super::ContextOptions).
+//! Host functions that replace kernels, or check them on the same inputs, to find one that a driver
+//! miscompiles. The code that passes them to [`ContextOptions`](super::ContextOptions) defines the
+//! computation.
 
 use std::{ffi::CStr, fmt, slice, sync::Arc, time::Duration};
 
@@ -7,13 +8,13 @@ use bytemuck::Pod;
 
 use super::{Binding, Constant};
 
-/// Stands in for a kernel wherever a context runs it.
+/// A host function that replaces a kernel in a context.
 #[derive(Debug, Clone, Copy)]
 pub struct Twin {
     /// [`Kernel::NAME`](super::Kernel::NAME).
     pub stage: &'static str,
-    /// Does to copies of the bound buffers what the dispatch would do to the buffers. What it says where it cannot comes out of
-    /// [`Recorder::submit`](super::Recorder::submit).
+    /// Does to copies of the bound buffers what the dispatch would do to the buffers.
+    /// [`Recorder::submit`](super::Recorder::submit) returns its error if it fails.
     pub run: fn(&mut TwinCall) -> Result<(), String>,
 }
 
@@ -68,12 +69,12 @@ impl fmt::Debug for Judge {
     }
 }
 
-/// How many workgroups a dispatch has, and of how many threads.
+/// Number and size of a dispatch's workgroups.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Workgroups {
-    /// In each dimension; kernels fold them into one number.
+    /// Workgroups in each dimension; kernels fold them into one number.
     pub count: [u32; 3],
-    /// Threads of each.
+    /// Threads of a workgroup.
     pub size: u32,
     /// Threads of a subgroup.
     pub lanes: u32,
@@ -96,20 +97,20 @@ impl Workgroups {
     }
 }
 
-/// What a kernel would have been given. Each kernel's generated `Host` has it with types.
+/// Inputs of a kernel. Each kernel's generated `Host` has them with types.
 pub struct TwinCall {
-    /// How many, and how large they are.
+    /// Number and size of the workgroups.
     pub workgroups: Workgroups,
-    /// Ids and values, as the pipeline was made with.
+    /// Ids and values of the pipeline's specialisation constants.
     pub spec: Vec<(u32, u32)>,
     /// Push constants, in scalar layout.
     pub push: Vec<u8>,
-    /// One for each binding, even where the same buffer is bound twice.
+    /// Copies of the buffers, one for each binding, even if the same buffer is bound twice.
     pub bindings: Vec<HostBuffer>,
 }
 
 impl TwinCall {
-    /// The specialisation constant of that id; 0 where the pipeline has none.
+    /// The specialisation constant of that id; 0 if the pipeline has none.
     pub fn constant(&self, id: u32) -> u32 {
         self.spec.iter().find(|(i, _)| *i == id).map_or(0, |(_, value)| *value)
     }
@@ -118,7 +119,7 @@ impl TwinCall {
 /// A copy of a buffer.
 #[derive(Clone)]
 pub struct HostBuffer {
-    /// Words, lest elements lie where their type does not allow it.
+    /// Words, so that elements are aligned for their types.
     words: Vec<u32>,
     bytes: usize,
 }
@@ -134,12 +135,13 @@ impl HostBuffer {
         &bytemuck::cast_slice(&self.words)[..self.bytes]
     }
 
-    /// The same in whole words.
+    /// The contents as whole words.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
 
-    /// As many whole elements as there are: an [`Unused`](super::Unused) has fewer than a kernel's buffer has elsewhere.
+    /// The contents as whole elements. An [`Unused`](super::Unused) may have fewer than a kernel's buffer
+    /// otherwise has.
     pub fn elements<T: Pod>(&mut self) -> &mut [T] {
         let bytes: &mut [u8] = &mut bytemuck::cast_slice_mut(&mut self.words)[..self.bytes];
         let whole = bytes.len() - bytes.len() % size_of::<T>().max(1);
@@ -147,7 +149,7 @@ impl HostBuffer {
     }
 }
 
-/// The elements of the next binding; none where there is no other.
+/// The elements of the next binding; none after the last.
 pub fn next_binding<'a, T: Pod>(bindings: &mut slice::IterMut<'a, HostBuffer>) -> &'a mut [T] {
     bindings.next().map(HostBuffer::elements).unwrap_or_default()
 }

@@ -1,4 +1,5 @@
-//! Adam (Kingma 2015) on parameter planes, with the settings of 3DGS; and Newton's step by a curvature that probes tell.
+//! Twin of `adam.comp`: Adam (Kingma 2015) on parameter planes, with the settings of 3DGS, and Newton's step
+//! by curvatures from probes.
 
 use super::{FLOAT_MAX, FLOAT_MIN, betas::B_RANGE};
 use crate::scene::{
@@ -6,34 +7,35 @@ use crate::scene::{
     layout::{Array, Group, LOBE_SHARPNESS, LOBE_WIDTH},
 };
 
-/// Decay of the first and second moment, and what keeps the quotient finite (3DGS).
+/// Decay of the first moment (3DGS).
 pub const BETA1: f64 = 0.9;
-/// Decay of the second moment.
+/// Decay of the second moment (3DGS).
 pub const BETA2: f64 = 0.999;
-/// Added to the root of the second moment.
+/// Added to the root of the second moment, which keeps the quotient finite (3DGS).
 pub const EPSILON: f64 = 1e-15;
 
-/// A gradient is cut off where its square, times the first correction of 1000, would leave float32.
+/// Gradients are clamped to this: the square of a larger one, times the first correction of 1000, would leave
+/// float32.
 pub const GRADIENT_MAX: f64 = 1e17;
 
 /// Range of a lobe's width T (method, section 1).
 pub const WIDTH_RANGE: (f64, f64) = (0.01, 1.0);
 
-/// Range of a lobe's sharpness β. Both ends lie beyond what a picture can tell, and inside float32.
+/// Range of a lobe's sharpness β. Both ends are beyond any visible difference, and inside float32.
 ///
 /// At β = 8 the exponent is 2 e^8 ≈ 6e3: the lobe falls to one half within 0.03 T rad, 3e-4 rad for the
 /// narrowest T, an angle that float32 directions (1e-7) still resolve to a thousandth. Just below ψ = π float32 has
 /// cos(ψ/2) ≥ 7e-8, so |2 e^β ln cos(ψ/2)| ≤ 1e5 and exp gives 0, never NaN.
-/// At β = −2 the exponent is 0.27: the factor is above 0.3 over 99 % of the support and falls to 0.01 at the last angle that
-/// float32 has inside it; blunter lobes would end in a jump there.
+/// At β = −2 the exponent is 0.27: the factor is above 0.3 over 99 % of the support and falls to 0.01 at the
+/// last angle that float32 has inside it. Blunter lobes would end in a jump there.
 pub const SHARPNESS_RANGE: (f64, f64) = (-2.0, 8.0);
 
-/// How one plane moves.
+/// Learning rate and range of one plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaneRate {
-    /// Learning rate; 0 leaves the plane and its moments alone.
+    /// Learning rate; 0 leaves the plane and its moments unchanged.
     pub rate: f64,
-    /// Range the parameter is clamped to after its step.
+    /// Range to which the parameter is clamped after its step.
     pub range: Option<(f64, f64)>,
 }
 
@@ -43,7 +45,7 @@ impl PlaneRate {
         PlaneRate { rate, range: None }
     }
 
-    /// Of a plane of a group of parameters.
+    /// The rate of a plane of a group of parameters, with that plane's range.
     pub fn of(group: &Group, plane: usize, rate: f64) -> Self {
         let range = match (group.array, plane) {
             (Array::Lobes, LOBE_WIDTH) => Some(WIDTH_RANGE),
@@ -56,11 +58,11 @@ impl PlaneRate {
     }
 }
 
-/// Lengths between which a quaternion or a lobe's direction is left as it is; see `glsl/shared/unit.glsl`.
+/// Lengths at which a quaternion or a lobe's direction is not normalised; see `glsl/shared/unit.glsl`.
 const LENGTHS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
-/// The unit vector that takes the place of one before it steps, and the length that it had; none where the length may stay. What has no
-/// direction stays, and its length counts as 0.
+/// Normalises a vector before it steps, and returns its former length too; `None` if the length is within
+/// [`LENGTHS`]. A vector without a direction is returned unchanged, with length 0.
 pub fn unit_before_step<const N: usize>(vector: [f64; N]) -> Option<([f64; N], f64)> {
     let largest = vector.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
     if !(FLOAT_MIN..=FLOAT_MAX).contains(&largest) {
@@ -70,7 +72,8 @@ pub fn unit_before_step<const N: usize>(vector: [f64; N]) -> Option<([f64; N], f
     (!LENGTHS.contains(&length)).then(|| (vector.map(|v| v / length), length))
 }
 
-/// One step of one parameter and its moments. `correct` is 1 − β^t of both moments after step t, or 1 for no correction.
+/// Steps one parameter and its moments. `correct` is 1 − β^t of both moments after step t, or 1 for no
+/// correction.
 pub fn adam_one(
     param: &mut f64,
     gradient: f64,
@@ -88,20 +91,20 @@ pub fn adam_one(
     }
 }
 
-/// Decay of what is known of a curvature; how many rates a step of Newton's has at most.
+/// Decay of the moving average of a curvature.
 pub const CURVATURE_DECAY: f64 = 0.95;
-/// See [`CURVATURE_DECAY`].
+/// Most learning rates that a Newton step moves.
 pub const NEWTON_REACH: f64 = 3.0;
 
-/// What is known of a curvature once a probe has made `gradient` (method, section 5).
+/// Updates an estimated curvature from a probe's `gradient` (method, section 5).
 pub fn curvature_one(gradient: f64, curvature: &mut f64) {
     let g = gradient.clamp(-GRADIENT_MAX, GRADIENT_MAX);
-    // The first stands for all before it.
+    // The first probe initialises the average.
     let before = if *curvature > 0.0 { *curvature } else { g * g };
     *curvature = CURVATURE_DECAY * before + (1.0 - CURVATURE_DECAY) * g * g;
 }
 
-/// One step of one parameter, `part` of the way to where the mean gradient would be 0.
+/// Steps one parameter `part` of the way to the point where the mean gradient would be 0.
 pub fn newton_one(param: &mut f64, gradient: f64, first: &mut f64, curvature: f64, plane: &PlaneRate, part: f64) {
     let g = gradient.clamp(-GRADIENT_MAX, GRADIENT_MAX);
     *first = BETA1 * *first + (1.0 - BETA1) * g;
@@ -114,22 +117,23 @@ pub fn newton_one(param: &mut f64, gradient: f64, first: &mut f64, curvature: f6
     }
 }
 
-/// Both moments in one word, rounded by `dither`; see `glsl/shared/packed.glsl`.
+/// Packs both moments into one word, rounded by `dither`; see `glsl/shared/packed.glsl`.
 pub fn pack_moments([first, second]: [f64; 2], dither: u32) -> u32 {
     let second = ((second as f32).to_bits() + (dither & 0x7fff)) >> 15;
     second << 16 | ((first as f32).to_bits() + (dither >> 16)) >> 16
 }
 
-/// First and second moment of a word.
+/// Unpacks the first and second moment.
 pub fn unpack_moments(word: u32) -> [f64; 2] {
     [word << 16, word >> 16 << 15].map(|bits| f64::from(f32::from_bits(bits)))
 }
 
-/// Bits of a float32 that a first moment among three in a word loses; what the least of them begins with.
+/// Bits of a float32 that a first moment loses when three share a word; leading bits of the smallest packed
+/// value.
 const BAND_CUT: u32 = 19;
 const BAND_LEAST: u32 = 99 << 4;
 
-/// Three first moments in one word by the roots of their curvatures, rounded by `dither`.
+/// Packs three first moments into one word, divided by the roots of their curvatures and rounded by `dither`.
 pub fn pack_firsts(first: [f64; 3], curvature: [f64; 3], dither: u32) -> u32 {
     let one = |c: usize| {
         let root = curvature[c].sqrt();
@@ -142,7 +146,7 @@ pub fn pack_firsts(first: [f64; 3], curvature: [f64; 3], dither: u32) -> u32 {
     one(0) | one(1) | one(2)
 }
 
-/// Of a word of [`pack_firsts`].
+/// Unpacks a word of [`pack_firsts`].
 pub fn unpack_firsts(word: u32, curvature: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|c| {
         let code = word >> (10 * c);
@@ -154,7 +158,7 @@ pub fn unpack_firsts(word: u32, curvature: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// What the moments of plane `plane` of Gaussian `number` are rounded by in step `step`.
+/// Random bits by which the moments of plane `plane` of Gaussian `number` are rounded in step `step`.
 pub fn dither_of(number: u32, plane: u32, step: u32) -> u32 {
     let x = number.wrapping_add(plane.wrapping_mul(0x9e37_79b9)).wrapping_add(step.wrapping_mul(0x85eb_ca6b));
     let x = (x ^ x >> 16).wrapping_mul(0x7feb_352d);
@@ -162,10 +166,10 @@ pub fn dither_of(number: u32, plane: u32, step: u32) -> u32 {
     x ^ x >> 16
 }
 
-/// One step of the first `count` elements of every plane. All four arrays are planes × `stride`.
+/// Steps the first `count` elements of every plane. All four arrays are planes × `stride`.
 ///
 /// `bias_step`: number of this step, from 1, for bias correction; none for no correction (⚖ section 5).
-/// `touched`: only these elements move, moments included (SparseAdam); none for all.
+/// `touched`: only these elements step, moments included (SparseAdam); none for all.
 #[allow(clippy::too_many_arguments)]
 pub fn adam(
     params: &mut [f64],
@@ -208,8 +212,8 @@ mod tests {
         p[0]
     }
 
-    /// With correction the first step is the rate itself whatever the gradient; without it is
-    /// 0.1/√0.001 = 3.16 rates (and grows to 6.5 rates within the first steps of a steady gradient).
+    /// With correction the first step is the rate itself for any gradient; without, it is 0.1/√0.001 = 3.16
+    /// rates (and grows to 6.5 rates within the first steps of a steady gradient).
     #[test]
     fn the_first_step_has_the_known_length() {
         for g in [1e-3, 1.0, -3e4] {
@@ -218,8 +222,8 @@ mod tests {
         }
     }
 
-    /// On a parabola of any curvature: there in the time that the part of the way says, never farther in a step than the bound, and the
-    /// curvature is the mean of what probes say of it.
+    /// On a parabola of any curvature: the minimum is reached in the time that `part` implies, no step
+    /// exceeds the bound, and the curvature is the mean over the probes.
     #[test]
     fn newtons_steps_go_to_the_minimum_whatever_the_curvature() {
         for bend in [1e-12, 1.0, 1e9] {
@@ -234,12 +238,13 @@ mod tests {
                 newton_one(&mut x, bend * before, &mut m, d, &plane, 0.05);
                 assert!((x - before).abs() <= NEWTON_REACH * plane.rate * 1.000_001);
             }
-            // 1.2² and twice 0.8844² are 1 on average, and the mean forgets in 20 probes.
+            // 1.2² and twice 0.8844² are 1 on average, and the average forgets in 20 probes.
             assert!((d / bend - 1.0).abs() < 0.05 && x.abs() < 1e-4, "{bend}: {x}, {d}");
         }
     }
 
-    /// A second moment that moves by less than what is cut off: of gradients that stop, and of such as begin.
+    /// A second moment that moves by less than the bits cut off, with gradients that stop and gradients that
+    /// start.
     #[test]
     fn packed_moments_are_right_on_average() {
         let gradient = |i: u32, step: u32| match step {
@@ -255,9 +260,10 @@ mod tests {
                 adam_one(&mut 0.0, gradient(i, step), [&mut kept_m, &mut kept_v], &PlaneRate::free(0.0), [1.0; 2]);
                 word = pack_moments([kept_m, kept_v], dither_of(i, 0, step));
                 let [kept_m, kept_v] = unpack_moments(word);
-                // A draw moves the second by 2^-8 / √6 of itself at most (deviation), and it forgets in 1000 steps: √500 of that is
-                // 3.6 %; five of these, as steps and numbers are many. The first, 0.7 at most, moves by 2^-7 / √6 of itself and
-                // forgets in 10: 2.3 of that, and five of these.
+                // A draw moves the second moment by 2^-8 / √6 of itself at most (deviation), and it forgets
+                // in 1000 steps: √500 of that is 3.6 %. The bound is five of these, as steps and numbers are
+                // many. The first moment, 0.7 at most, moves by 2^-7 / √6 of itself and forgets in 10: 2.3 of
+                // that, and five of these.
                 assert!((kept_v / v - 1.0).abs() < 0.18, "step {step}: {kept_v} for {v}");
                 assert!((kept_m - m).abs() < 0.026, "step {step}: {kept_m} for {m}");
                 for (ratio, at) in ratios.iter_mut().zip([1999, 2999]) {
@@ -270,7 +276,8 @@ mod tests {
         assert_eq!(unpack_moments(pack_moments([0.0; 2], u32::MAX)), [0.0; 2]);
     }
 
-    /// From far below its curvature's root to beyond it, a first moment is kept on average, to a sixteenth of itself in each draw.
+    /// From far below its curvature's root to beyond it, a first moment is preserved on average, to a
+    /// sixteenth of itself in each draw.
     #[test]
     fn three_first_moments_in_a_word_are_right_on_average() {
         let curvature = [1e-18, 4.0, 9e6];
@@ -288,7 +295,7 @@ mod tests {
             // A draw is off by a thirty-second at most (deviation), and their mean by a 64th of that; four of these.
             assert!(mean.iter().all(|mean| (mean - 1.0).abs() < 4.0 / 32.0 / 64.0), "{by}: {mean:?}");
         }
-        // What is beyond is cut off at the largest that there is, and what nothing is known of is none.
+        // Larger values are clamped to the largest code, and an unknown curvature gives 0.
         let kept = unpack_firsts(pack_firsts([1e9, -1e9, 1.0], [1.0, 1.0, 0.0], 77), [1.0, 1.0, 0.0]);
         assert_eq!(kept, [15.5, -15.5, 0.0]);
     }

@@ -1,4 +1,4 @@
-//! Colour by spherical betas (Liu et al. 2025). The twin of `glsl/shared/betas.glsl`.
+//! Twin of `glsl/shared/betas.glsl`: colour by spherical betas (Liu et al. 2025).
 
 use std::f64::consts::LN_2;
 
@@ -10,7 +10,7 @@ use crate::{scene::color::BETA_LOBES, stages::constants::betas};
 /// Range of b (method, section 1); see the kernels.
 pub const B_RANGE: (f64, f64) = (betas::BETA_MIN as f64, betas::BETA_MAX as f64);
 
-/// Of a lobe toward a direction.
+/// A lobe's light and factor toward a direction, with their derivatives.
 pub struct Beta {
     /// Softplus of its colour, and the derivative of that.
     pub light: [f64; 3],
@@ -19,11 +19,11 @@ pub struct Beta {
     /// max(0, μ · v) to the power of 4 exp(b).
     pub factor: f64,
     by_cosine: f64,
-    /// By θ, φ and b.
+    /// ∂factor by θ, φ and b.
     by_shape: [f64; 3],
 }
 
-/// The lobe of this colour, before its softplus, and shape toward `v`, a unit vector.
+/// Evaluates the lobe of this colour (before its softplus) and shape toward `v`, a unit vector.
 pub fn beta(v: DVec3, colour: [f64; 3], [theta, phi, b]: [f64; 3]) -> Beta {
     let steepness = 10.0 * LN_2;
     let axis = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
@@ -48,7 +48,7 @@ pub fn beta(v: DVec3, colour: [f64; 3], [theta, phi, b]: [f64; 3]) -> Beta {
     beta
 }
 
-/// Of Gaussian i. `direction` is the unit vector from the eye to it.
+/// The lobes of Gaussian i. `direction` is the unit vector from the eye to it.
 pub fn lobes(params: &Params, i: usize, direction: DVec3) -> impl Iterator<Item = Beta> + '_ {
     let of = move |m| beta(direction, params.coefficient(i, 1 + 2 * m), params.coefficient(i, 2 + 2 * m));
     (0..BETA_LOBES).map(of)
@@ -73,7 +73,8 @@ pub fn backward(params: &Params, i: usize, direction: DVec3, colour_grad: [f64; 
 mod tests {
     use super::*;
 
-    /// Behind a lobe there is nothing, along it all its light, and of colour 0 that is a tenth (DBS's softplus).
+    /// Behind a lobe there is nothing, along it all its light; with colour 0 that is a tenth (DBS's
+    /// softplus).
     #[test]
     fn a_lobe_shines_along_its_axis_and_not_behind() {
         let along = beta(DVec3::Z, [0.0, 2.0, -2.0], [0.0, 1.0, 3.0]);
@@ -83,7 +84,8 @@ mod tests {
             let lobe = beta(behind, [1.0; 3], [0.0, 1.0, 3.0]);
             assert_eq!((lobe.factor, lobe.by_cosine, lobe.by_shape), (0.0, 0.0, [0.0; 3]));
         }
-        // The sharpest lobe has half its light at a degree, the bluntest is a cosine; b beyond the range is its end.
+        // The sharpest lobe has half its light at a degree, the bluntest is a cosine; b outside the range is
+        // clamped.
         let at = |degrees: f64, b: f64| {
             beta(DVec3::new(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos()), [0.0; 3], [0.0, 0.0, b])
         };

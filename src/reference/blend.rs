@@ -1,4 +1,4 @@
-//! Composites each pixel's Gaussians front to back (3DGS).
+//! Twin of `blend.comp`: composites each pixel's Gaussians front to back (3DGS).
 //!
 //! splats, intersections, background → image (RGB and transmittance), median Gaussian. One iteration is one thread.
 
@@ -9,19 +9,19 @@ use super::{ALPHA_MAX, ALPHA_MIN, Background, Intersections, NONE, Splat, TRANSM
 /// All vectors by pixel, row-major.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Blended {
-    /// RGB with the background composited, and the transmittance left.
+    /// RGB with the background composited, and the remaining transmittance.
     pub image: Vec<[f64; 4]>,
     /// The Gaussian that first took the transmittance below the median threshold, or `NONE`.
     pub median: Vec<u32>,
-    /// How far the pixel's decisions were from going the other way. Not on the GPU.
+    /// How far the pixel's decisions were from changing. Not on the GPU.
     pub margins: Vec<Margin>,
-    /// A hash of every decision the pixel made, in order. Not on the GPU: where it differs between two renders, a
-    /// threshold or the order of two Gaussians was crossed.
+    /// A hash of every decision the pixel made, in order. Not on the GPU. If it differs between two renders,
+    /// a threshold or the order of two Gaussians was crossed.
     pub decisions: Vec<u64>,
 }
 
-/// Smallest distance to each threshold that a pixel met, relative to the threshold; ∞ when it met none.
-/// Float32 may decide otherwise than float64 only where one of them is of the order of float32's error.
+/// Smallest distance to each threshold that a pixel met, relative to the threshold; ∞ if it met none. Float32
+/// may decide differently from float64 only if a distance is of the order of float32's error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Margin {
     /// |α − 1/255| · 255.
@@ -30,12 +30,12 @@ pub struct Margin {
     pub transmittance: f64,
     /// |o·exp(power) − 0.99| / 0.99. The image is continuous across it, the gradient is not.
     pub clamp: f64,
-    /// Gap of camera z between a contributor and what hides all beyond it, relative to the latter.
+    /// Gap in camera z between a contributor and the occluder, relative to the latter.
     pub occluder: f64,
     /// |T' − median threshold| / median threshold.
     pub median: f64,
-    /// Gap of camera z between two contributors that follow each other, relative to it. 0 where they are equal,
-    /// and then the index decides.
+    /// Gap in camera z between two consecutive contributors, relative to it. 0 if they are equal, and then
+    /// the index decides.
     pub order: f64,
 }
 
@@ -49,18 +49,18 @@ impl Margin {
         order: f64::INFINITY,
     };
 
-    /// Of the decisions that make the image jump.
+    /// Smallest margin of the decisions that make the image jump.
     pub fn image(&self) -> f64 {
         self.alpha.min(self.transmittance).min(self.order).min(self.occluder)
     }
 
-    /// Of those and of the kink at 0.99.
+    /// Smallest margin of those and of the kink at 0.99.
     pub fn gradient(&self) -> f64 {
         self.image().min(self.clamp)
     }
 }
 
-/// One Gaussian's share of one pixel, as both passes see it.
+/// One Gaussian's share of one pixel, as computed in both passes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sample {
     pub wu: f64,
@@ -79,12 +79,12 @@ pub(super) fn sample(splat: &Splat, column: u32, row: u32) -> Sample {
     Sample { wu, wv, falloff, alpha: raw.min(ALPHA_MAX), clamped: raw > ALPHA_MAX }
 }
 
-/// Images of what projection left; `median_threshold` is the transmittance at which a pixel has its median.
+/// Blends the splats; `median_threshold` is the transmittance at which a pixel has its median.
 pub fn blend(splats: &[Splat], isects: &Intersections, background: Background, median_threshold: f64) -> Blended {
     blend_before(splats, isects, background, median_threshold, |_| f64::INFINITY)
 }
 
-/// Of each pixel only what is not beyond camera z `farthest`.
+/// Blends for each pixel only splats that are not beyond camera z `farthest`.
 pub fn blend_before(
     splats: &[Splat],
     isects: &Intersections,
@@ -168,7 +168,7 @@ fn blend_pixel(
     Pixel { color: [r, g, b, transmittance], median, margin, decisions: decisions.0 }
 }
 
-/// FNV-1a over (Gaussian, what happened): collisions are as rare as 64 bits make them.
+/// FNV-1a over (Gaussian, outcome): collisions are as rare as 64 bits make them.
 struct Decisions(u64);
 
 impl Decisions {

@@ -1,7 +1,8 @@
-//! The blend's gradient: front to back again with the forward's decisions (3DGS, section 6; `docs/design-notes.md`).
+//! Twin of `blend_backward.comp`: the blend's gradient, front to back again with the forward pass's decisions
+//! (3DGS, section 6; `docs/design-notes.md`).
 //!
-//! What lies behind a Gaussian is what is left of the final colour after taking away, one by one, what lies
-//! before it and itself. So the forward pass need store nothing but its image.
+//! The colour behind a Gaussian is the final colour minus, one by one, the terms in front of it and its own.
+//! So the forward pass stores only its image.
 //! With C = Σ c_k α_k T_k + b T_end and T_{k+1} = T_k (1 − α_k):
 //! ∂(G·C)/∂α_k = T_k (G·c_k) − R_k / (1 − α_k), R_k = G · (all terms behind k, the background included).
 
@@ -14,8 +15,8 @@ use super::{ALPHA_MIN, Intersections, Splat, TRANSMITTANCE_MIN};
 /// entries), ∂loss/∂RGB.
 pub type Record = [f64; 9];
 
-/// `image` is the forward pass's result, `image_grad` ∂loss/∂RGB by pixel. Records by slot, each the sum over
-/// its tile's pixels, row by row.
+/// Gradient records by slot, each the sum over its tile's pixels, row by row. `image` is the forward pass's
+/// result, `image_grad` ∂loss/∂RGB by pixel.
 pub fn blend_backward(
     splats: &[Splat],
     isects: &Intersections,
@@ -25,7 +26,8 @@ pub fn blend_backward(
     sums(splats, isects, image, image_grad, false)
 }
 
-/// The same sums of the magnitudes of all terms: what rounding errors are relative to, where the terms themselves cancel.
+/// Sums the magnitudes of all terms instead: rounding errors are relative to these if the terms themselves
+/// cancel.
 pub fn blend_backward_magnitudes(
     splats: &[Splat],
     isects: &Intersections,
@@ -80,7 +82,7 @@ struct Pixel {
 fn pixel_backward(splats: &[Splat], isects: &Intersections, pixel: &Pixel, records: &mut [Record]) {
     let Pixel { column, row, image, grad, magnitudes } = *pixel;
     let dot = |c: [f64; 3]| grad[0] * c[0] + grad[1] * c[1] + grad[2] * c[2];
-    // Colours are not negative, so this bounds every part of the dot product and of what lies behind.
+    // Colours are not negative, so this bounds every part of the dot product and of the colour behind.
     let reach = |c: [f64; 3]| (0..3).map(|k| (grad[k] * c[k]).abs()).sum::<f64>();
     let last = [image[0], image[1], image[2]];
     let mut behind = dot(last);

@@ -1,9 +1,10 @@
-//! The blend's gradient with the records of each Gaussian added up.
+//! Twin of `blend_backward_atomic.comp`: the blend's gradient with each Gaussian's records added up.
 
 use super::Intersections;
 use super::blend_backward::Record;
 
-/// `isect_grads` are [`blend_backward`](super::blend_backward::blend_backward)'s, by slot. Sums by Gaussian, of which there are `gaussians`.
+/// Sums records by Gaussian, of which there are `gaussians`. `isect_grads` are by slot, from
+/// [`blend_backward`](super::blend_backward::blend_backward).
 pub fn blend_backward_atomic(isects: &Intersections, isect_grads: &[Record], gaussians: usize) -> Vec<Record> {
     let mut splat_grads = vec![[0.0; 9]; gaussians];
     for (&global, record) in isects.global_from_slot.iter().zip(isect_grads) {

@@ -1,4 +1,4 @@
-//! Parents and children made of copies.
+//! Twin of `density_apply.comp`: turns copies into parents and children, and resets opacities.
 
 use glam::{DQuat, DVec3};
 
@@ -8,27 +8,27 @@ use super::{
 };
 use crate::stages::constants::density::{ADC, HASH_SPLIT, MCMC};
 
-/// Copies that a Gaussian is made of at most, its own included.
+/// Maximum number of copies of a Gaussian, itself included.
 pub const COPIES: u32 = 51;
-/// Opacities that copies have.
+/// Range of the copies' opacities.
 pub const OPACITY_RANGE: (f64, f64) = (0.005, 1.0 - 1.0 / 8388608.0);
-/// By what the scales of both are divided where ADC splits.
+/// Divisor of both scales if ADC splits.
 pub const SPLIT_SCALE: f64 = 1.6;
-/// Of the longest axis, and the exponent of the transmittance, where the budget splits.
+/// Factor of the longest axis if the budget strategy splits.
 pub const HALF_SCALE: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// See [`HALF_SCALE`].
+/// Exponent of the transmittance if the budget strategy splits.
 pub const HALF_OPACITY: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// What is applied to all.
+/// Parameters for all Gaussians.
 #[derive(Debug, Clone, Copy)]
 pub struct Apply {
-    /// `glsl/shared/density.glsl`'s number of it.
+    /// The strategy's number in `glsl/shared/density.glsl`.
     pub strategy: u32,
-    /// Largest scale of what ADC clones.
+    /// Largest scale that ADC clones.
     pub small: f64,
-    /// Largest opacity where a reset is due, else 1.
+    /// Largest opacity if a reset is due, else 1.
     pub most: f64,
-    /// Of the run; with `seed`, what the random offsets follow from.
+    /// The run's step; with `seed` it determines the random offsets.
     pub step: u32,
     /// See `step`.
     pub seed: u32,
@@ -47,16 +47,16 @@ pub struct Geometry {
     pub logit: f64,
 }
 
-/// What becomes of a Gaussian's moments.
+/// The moments of a Gaussian that restart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Begins {
-    /// All begin at 0.
+    /// All restart at 0.
     pub all: bool,
-    /// Those of the opacity do.
+    /// The opacity's restart at 0.
     pub opacity: bool,
 }
 
-/// Opacity and factor of the scales of `n` Gaussians in the place of one (Kheradmand 2024): o' = 1 − (1 − o)^{1/n} and
+/// Opacity and scale factor of `n` Gaussians that replace one (Kheradmand 2024): o' = 1 − (1 − o)^{1/n} and
 /// o / Σ_{i=1..n} Σ_{k=0..i−1} C(i−1, k) (−1)^k o'^{k+1} / √(k+1).
 pub fn share(opacity: f64, rest: f64, n: u32) -> (f64, f64) {
     let shared = (1.0 - rest.powf(1.0 / f64::from(n))).clamp(OPACITY_RANGE.0, OPACITY_RANGE.1);
@@ -72,7 +72,7 @@ pub fn share(opacity: f64, rest: f64, n: u32) -> (f64, f64) {
     (shared, opacity / sum.max(shared))
 }
 
-/// What the Gaussian of new number `number` becomes; its parent has `copies` children.
+/// Computes the Gaussian of new number `number`; its parent has `copies` children.
 pub fn density_apply(apply: &Apply, old: &Geometry, number: u32, copies: u32, child: bool) -> (Geometry, Begins) {
     let mut new = *old;
     let (opacity, rest) = (sigmoid(old.logit), sigmoid(-old.logit));
@@ -138,14 +138,14 @@ mod tests {
         }
     }
 
-    /// n copies let through what the one did: along the ray through their centre exactly.
+    /// n copies have the original's transmittance, exactly so along the ray through their centre.
     #[test]
     fn mcmc_copies_let_through_what_the_one_did() {
         for (n, opacity) in [(2u32, 0.3), (3, 0.9), (7, 0.6), (COPIES, 0.95)] {
             let (shared, factor) = share(opacity, 1.0 - opacity, n);
             assert!(((1.0 - shared).powi(n as i32) - (1.0 - opacity)).abs() < 1e-12, "{n}");
-            // The integral of what n such Gaussians hide along a line through the centre is that of the one; both are smooth, so
-            // that the sum is as good as exact.
+            // The opacity of n such Gaussians, integrated along a line through the centre, equals that of the
+            // one. Both are smooth, so the sum is practically exact.
             let hidden = |opacity: f64, scale: f64, n: i32| {
                 let at = |i: i32| 1.0 - (1.0 - opacity * (-0.5 * (f64::from(i) * 0.02 / scale).powi(2)).exp()).powi(n);
                 (-1000..=1000).map(at).sum::<f64>() * 0.02

@@ -1,20 +1,21 @@
-//! The parents of children.
+//! Twin of `density_draw.comp`: draws the parents of children.
 
 use super::hash::pcg4d;
 use crate::stages::constants::density::HASH_DRAW;
 
-/// A draw with replacement: `firsts` says where each Gaussian's weight begins in the sum `total`.
+/// A draw with replacement: each Gaussian's weight covers a range of the sum `total`.
 #[derive(Debug, Clone, Copy)]
 pub struct Draw {
     /// Sum of the weights drawn from.
     pub total: u32,
-    /// Of the run; with `seed`, what the draws follow from.
+    /// The run's step; with `seed` it determines the draws.
     pub step: u32,
     /// See `step`.
     pub seed: u32,
 }
 
-/// The parent of a child among the Gaussians of `order`: where each weight begins, or with no `draw` candidates in their order.
+/// Returns the parent of a child. `order` holds the start of each weight, or without `draw` the candidates in
+/// their order.
 pub fn density_draw(child: u32, order: &[u32], draw: Option<Draw>) -> u32 {
     let Some(Draw { total, step, seed }) = draw else { return order[child as usize] };
     let at = ((u64::from(pcg4d([child, step, HASH_DRAW, seed])[0]) * u64::from(total)) >> 32) as u32;

@@ -1,9 +1,9 @@
-//! What scores are made of, by pixel.
+//! Twin of `density_image.comp`: per-pixel terms of the Gaussians' scores.
 
 use super::FLOAT_MAX;
 
-/// Mean |difference| of the channels, 1 and 0; all 0 where the pixel does not count (alpha 0 of the packed target) or has no error
-/// that is a number. `image` is RGB and transmittance.
+/// Mean |difference| of the channels, 1 and 0. All 0 if the pixel does not count (alpha 0 of the packed
+/// target) or its error is not finite. `image` is RGB and transmittance.
 pub fn density_image(image: &[[f64; 4]], targets: &[u32]) -> Vec<[f64; 3]> {
     let pixel = |(shown, &target): (&[f64; 4], &u32)| {
         let channel = |c: usize| f64::from(target >> (8 * c) & 0xFF) / 255.0;

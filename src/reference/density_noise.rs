@@ -1,4 +1,4 @@
-//! Noise of means (Kheradmand 2024).
+//! Twin of `density_noise.comp`: noise of means (Kheradmand 2024).
 
 use glam::{DQuat, DVec3};
 
@@ -13,7 +13,7 @@ use crate::stages::constants::density::HASH_NOISE;
 /// Steepness and middle of the gate, in transmittance.
 pub const GATE: (f64, f64) = (100.0, 0.995);
 
-/// Σ (ε σ(100 ((1 − o) − 0.995))) rate, 0 where that is not finite.
+/// Σ (ε σ(100 ((1 − o) − 0.995))) rate, 0 if that is not finite.
 pub fn density_noise(gaussian: &Geometry, rate: f64, number: u32, step: u32, seed: u32) -> DVec3 {
     if !gaussian.logit.is_finite() {
         return DVec3::ZERO;

@@ -1,27 +1,27 @@
-//! How many Gaussians there will be.
+//! Twin of `density_plan.comp`: the new number of Gaussians.
 
-/// What is known before, and what is asked for; see `glsl/density/density_plan.comp`.
+/// State before a refinement, and the requested size; see `glsl/density/density_plan.comp`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Plan {
     /// Gaussians before.
     pub old: u32,
-    /// Those of them that stay.
+    /// Gaussians that stay.
     pub alive: u32,
-    /// Those that can be drawn.
+    /// Gaussians that can be drawn.
     pub candidates: u32,
-    /// Gaussians that there is room for.
+    /// Maximum number of Gaussians.
     pub capacity: u32,
-    /// Gaussians that there should be at least.
+    /// Smallest wanted number of Gaussians.
     pub target: u32,
-    /// There should be an `nth` of `old` more; 0: need not.
+    /// Wanted growth: an `nth` of `old`; 0: none.
     pub nth: u32,
-    /// The same Gaussian can be drawn again.
+    /// A Gaussian can be drawn more than once.
     pub replacement: bool,
     /// A step did not fit.
     pub failed: bool,
 }
 
-/// How many stay, how many children are drawn, and how many there are then.
+/// Returns the numbers of Gaussians that stay, of children drawn, and of Gaussians afterwards.
 pub fn density_plan(plan: &Plan) -> [u32; 3] {
     let Plan { old, alive, candidates, capacity, target, nth, replacement, failed } = *plan;
     if failed || alive == 0 {
@@ -59,7 +59,7 @@ mod tests {
         assert_eq!(density_plan(&Plan { replacement: false, ..plan }), [90, 7, 97]);
         assert_eq!(density_plan(&Plan { target: 1000, ..plan }), [90, 20, 110]);
         assert_eq!(density_plan(&Plan { candidates: 0, ..plan }), [90, 0, 90]);
-        // Cap reached, nothing alive, nothing there, one alone, and a step that did not fit.
+        // Limit reached, nothing alive, nothing there, one alone, and a step that did not fit.
         assert_eq!(density_plan(&Plan { old: 110, alive: 110, ..plan }), [110, 0, 110]);
         assert_eq!(density_plan(&Plan { alive: 0, ..plan }), [100, 0, 100]);
         assert_eq!(density_plan(&Plan { old: 0, alive: 0, ..plan }), [0, 0, 0]);

@@ -1,9 +1,10 @@
-//! What a view says of a Gaussian.
+//! Twin of `density_score.comp`: one view's contribution to a Gaussian's scores.
 
 use super::{FLOAT_MAX, Splat, blend_backward::Record, project_backward::centre_gradient};
 
-/// What is added to the scores, from the sum of a Gaussian's records: error and blend weight, or with `pulls` (half the image's
-/// sides) the length of the mean's gradient in halves of these, and 1 where it is blended.
+/// Returns the addition to the scores, from the sum of a Gaussian's records: error and blend weight. With
+/// `pulls` (half the image's sides): the length of the mean's gradient in halves of these, and 1 if it is
+/// blended.
 pub fn density_score(record: &Record, splat: &Splat, pulls: Option<[f64; 2]>) -> [f64; 2] {
     let add = match pulls {
         None => [record[6], record[7]],

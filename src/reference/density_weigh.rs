@@ -1,4 +1,4 @@
-//! Which Gaussians stay, and how likely each is to be drawn.
+//! Twin of `density_weigh.comp`: decides which Gaussians stay, and how likely each is to be drawn.
 
 use super::{
     FLOAT_MAX, Params,
@@ -7,27 +7,28 @@ use super::{
 };
 use crate::stages::constants::density::{ADC, ERROR, HASH_KEY, MCMC, PULL, SEEN};
 
-/// Scores that a key can be made of.
+/// Range of scores that have a key.
 const SCORES: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
 
-/// What all are weighed by; see `glsl/density/density_weigh.comp`.
+/// Parameters of all weights; see `glsl/density/density_weigh.comp`.
 #[derive(Debug, Clone, Copy)]
 pub struct Weigh {
-    /// `glsl/shared/density.glsl`'s number of it.
+    /// The strategy's number in `glsl/shared/density.glsl`.
     pub strategy: u32,
-    /// Gaussians that there is room for: MCMC's weights add up to less than 2^32.
+    /// Maximum number of Gaussians: MCMC's weights add up to less than 2^32.
     pub capacity: u32,
-    /// What has less goes.
+    /// Gaussians with less opacity are pruned.
     pub least_opacity: f64,
-    /// Of what grows under ADC, see `density::LEAST_PULL`.
+    /// Smallest score at which ADC grows a Gaussian, see `density::LEAST_PULL`.
     pub least_score: f64,
-    /// Of the run; with `seed`, what keys follow from.
+    /// The run's step; with `seed` it determines the keys.
     pub step: u32,
     /// See `step`.
     pub seed: u32,
 }
 
-/// Whether Gaussian i, `number` of its segment, stays, and its key: a weight for MCMC; else none where it cannot be drawn.
+/// Decides whether Gaussian i, `number` of its segment, stays, and its key: a weight for MCMC; else none if
+/// it cannot be drawn.
 pub fn density_weigh(w: &Weigh, params: &Params, i: usize, number: u32, scores: [f64; 4]) -> (bool, Option<f64>) {
     let opacity = sigmoid(params.logit(i));
     let sized = params.log_scale(i).to_array().iter().all(|s| s.abs() <= FLOAT_MAX);
@@ -79,7 +80,7 @@ mod tests {
         }
     }
 
-    /// Of two Gaussians the one with three times the score has the smaller key in three of four draws.
+    /// A Gaussian with three times the score of another has the smaller key in three of four draws.
     #[test]
     fn the_smallest_key_is_drawn_in_proportion_to_the_score() {
         let params = Params::from_scene(&random_scene(5, 2, 0, 0)).unwrap();

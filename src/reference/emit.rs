@@ -1,5 +1,6 @@
-//! Writes one intersection per Gaussian and tile: slots in rank order, a Gaussian's tiles row by row. A Gaussian has as many
-//! slots as `tile_counts` says: tiles beyond them are left out, slots beyond its tiles get the tile [`NONE`].
+//! Twin of `emit.comp`: writes one intersection for each Gaussian and tile, slots in rank order, a Gaussian's
+//! tiles row by row. `tile_counts` fixes a Gaussian's number of slots: tiles beyond them are dropped, slots
+//! beyond its tiles get the tile [`NONE`].
 
 use super::{
     NONE, Splat,
@@ -7,18 +8,18 @@ use super::{
 };
 use crate::stages::constants::slots::SLOTS_PER_BLOCK;
 
-/// What [`emit`] lists.
+/// Result of [`emit`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Emitted {
-    /// Tile of each slot; the sort by tile takes them from here.
+    /// Tile of each slot: keys of the sort by tile.
     pub tile_of_slot: Vec<u32>,
     /// Gaussian index of each slot.
     pub global_from_slot: Vec<u32>,
-    /// First slot of each Gaussian, by Gaussian index; it has `tile_counts` of them. 0 when it has none.
+    /// First of a Gaussian's `tile_counts` slots, by Gaussian index. 0 if it has none.
     pub first_slot: Vec<u32>,
 }
 
-/// Tile and slot of every intersection, splats in depth order; as many for each as `tile_counts` says.
+/// Tile and slot of every intersection, splats in depth order, `tile_counts` slots for each.
 pub fn emit(splats: &[Splat], tile_counts: &[u32], global_from_rank: &[u32], tiling: &Tiling) -> Emitted {
     let mut out = Emitted { first_slot: vec![0; splats.len()], ..Default::default() };
     for &global in global_from_rank {
@@ -31,7 +32,7 @@ pub fn emit(splats: &[Splat], tile_counts: &[u32], global_from_rank: &[u32], til
     out
 }
 
-/// Says of slots `first..first + count`, of which there is one at least, that they are of `rank`. Blocks begin at 0; see
+/// Records that slots `first..first + count`, at least one, belong to `rank`. Blocks start at 0; see
 /// `glsl/shared/slots.glsl`.
 pub fn claim(rank_blocks: &mut [[u32; 2]], rank: u32, first: u32, count: u32) {
     if !first.is_multiple_of(SLOTS_PER_BLOCK) {
@@ -41,7 +42,7 @@ pub fn claim(rank_blocks: &mut [[u32; 2]], rank: u32, first: u32, count: u32) {
     rank_blocks[blocks].iter_mut().for_each(|block| block[0] = rank);
 }
 
-/// Gaussian index of the first `slots` slots; [`NONE`] where one leads out of a list.
+/// Gaussian index of the first `slots` slots; [`NONE`] if a lookup leaves its list.
 pub fn globals(rank_blocks: &[[u32; 2]], global_from_rank: &[u32], slots: usize) -> Vec<u32> {
     let global = |slot: u32| {
         let [rank, begins] = *rank_blocks.get((slot / SLOTS_PER_BLOCK) as usize)?;
@@ -56,7 +57,7 @@ mod tests {
     use super::*;
 
     proptest::proptest! {
-        /// Splats of 1 to 100 slots, whose ends lie anywhere in blocks.
+        /// Splats of 1 to 100 slots, with their ends anywhere in blocks.
         #[test]
         fn slots_know_their_splats(counts in proptest::collection::vec(1u32..100, 1..200)) {
             let slots: u32 = counts.iter().sum();

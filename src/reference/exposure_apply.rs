@@ -1,12 +1,12 @@
-//! Twin of `exposure_apply.comp`.
+//! Twin of `exposure_apply.comp`: applies a photograph's map of colours.
 
-/// A photograph's affine map of colours: rows of (M | b), so entry 4 · row + column, and of that b is column 3.
+/// A photograph's affine map of colours: rows of (M | b). Entry 4 · row + column; column 3 is b.
 pub type Map = [f64; 12];
 
 /// The map that changes nothing.
 pub const IDENTITY: Map = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// M c + b of each pixel; `image` is RGB and transmittance, which stays.
+/// M c + b of each pixel; `image` is RGB and transmittance, which is copied.
 pub fn exposure_apply(map: &Map, image: &[[f64; 4]]) -> Vec<[f64; 4]> {
     let pixel = |&[r, g, b, transmittance]: &[f64; 4]| {
         let row = |k: usize| map[4 * k] * r + map[4 * k + 1] * g + map[4 * k + 2] * b + map[4 * k + 3];

@@ -1,19 +1,20 @@
-//! Twin of `exposure_backward.comp`.
+//! Twin of `exposure_backward.comp`: gradients through a photograph's map of colours.
 
 use super::exposure_apply::Map;
 
-/// Pixels of which the gradient of a map is summed together.
+/// Pixels over which the gradient of a map is summed together.
 pub const SUM_PIXELS: usize = 1024;
 
-/// `grads`, by the corrected image's colours, become those by the blended image's, Mᵀ g. Returned is the gradient of the map, Σ g (c, 1)ᵀ
-/// over each [`SUM_PIXELS`] pixels. `image` is RGB and transmittance of each pixel before the correction.
+/// Turns `grads`, by the corrected image's colours, into those by the blended image's, Mᵀ g. Returns the
+/// gradient of the map, Σ g (c, 1)ᵀ over each [`SUM_PIXELS`] pixels. `image` is RGB and transmittance of each
+/// pixel before the correction.
 pub fn exposure_backward(map: &Map, image: &[[f64; 4]], grads: &mut [[f64; 3]]) -> Vec<Map> {
     let mut sums = vec![[0.0; 12]; image.len().div_ceil(SUM_PIXELS)];
     for (pixel, (&[r, g, b, _], grad)) in image.iter().zip(grads).enumerate() {
         let sum = &mut sums[pixel / SUM_PIXELS];
         let mut to_image = [0.0; 3];
         for (row, &of_row) in grad.iter().enumerate() {
-            // What is rendered may be anything where nothing pulls, also no number.
+            // If the gradient is 0 the rendered colour may be any value, even NaN.
             if of_row != 0.0 {
                 [r, g, b, 1.0].iter().enumerate().for_each(|(column, c)| sum[4 * row + column] += of_row * c);
             }
@@ -44,7 +45,8 @@ mod tests {
         total
     }
 
-    /// Gradients of the loss by the map and by the blended image, of a picture with a part that does not count.
+    /// Gradients of the loss by the map and by the blended image, for a picture with pixels that do not
+    /// count.
     #[test]
     fn gradients_through_the_loss_are_central_differences() {
         let (width, height) = SIZE;

@@ -1,24 +1,25 @@
-//! Twin of `exposure_step.comp`.
+//! Twin of `exposure_step.comp`: the Adam step of one photograph's map of colours.
 
 use super::{
     adam::{BETA1, BETA2, PlaneRate, adam_one},
     exposure_apply::{IDENTITY, Map},
 };
 
-/// Adam's moments of a map: the first ones of its entries, the second ones, and both of a gradient that is always 1, which are 1 − β₁ᵗ
-/// and 1 − β₂ᵗ after t steps.
+/// Adam's moments of a map: the first ones of its entries, the second ones, and both moments of a gradient
+/// that is always 1: 1 − β₁ᵗ and 1 − β₂ᵗ after t steps.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moments {
     /// By entry.
     pub first: Map,
     /// By entry.
     pub second: Map,
-    /// What bias correction divides the first and the second moment by.
+    /// Divisors of the first and the second moment in the bias correction.
     pub corrections: [f64; 2],
 }
 
-/// Steps the map of `photo`, whose gradient is the sum of `sums`, with the rate `rate` per step; then takes the mean over all maps of
-/// (M − I | b) from each. `maps` and `moments` are by photograph. Nothing moves where a gradient is not finite.
+/// Steps the map of `photo`, whose gradient is the sum of `sums`, with the rate `rate`. Then subtracts the
+/// mean over all maps of (M − I | b) from each. `maps` and `moments` are by photograph. Nothing changes if a
+/// gradient is not finite.
 pub fn exposure_step(maps: &mut [Map], moments: &mut [Moments], photo: usize, sums: &[Map], rate: f64) {
     let gradient: Map = std::array::from_fn(|e| sums.iter().map(|sum| sum[e]).sum());
     if !gradient.iter().all(|g| g.is_finite()) {
@@ -48,7 +49,7 @@ mod tests {
         let (mut maps, mut moments) = ([IDENTITY; 4], [Moments::default(); 4]);
         let sums = [[0.25; 12], [0.75; 12]];
         exposure_step(&mut maps, &mut moments, 2, &sums, 0.01);
-        // Of the photograph itself less the mean, which is a quarter of its step.
+        // The photograph's own step less the mean, a quarter of that step.
         for (photo, off) in [(0, 0.0025), (1, 0.0025), (2, -0.0075), (3, 0.0025)] {
             for e in 0..12 {
                 assert!((maps[photo][e] - IDENTITY[e] - off).abs() < 1e-12, "{photo}, {e}: {}", maps[photo][e]);
@@ -67,7 +68,7 @@ mod tests {
         let before = (maps, moments);
         exposure_step(&mut maps, &mut moments, 1, &[[f64::NAN; 12]], 0.01);
         assert_eq!((maps, moments), before);
-        // One photograph alone has none but the scene's exposure.
+        // A single photograph has no exposure of its own.
         let mut alone = [IDENTITY];
         exposure_step(&mut alone, &mut [Moments::default()], 0, &sums, 0.01);
         assert!(alone[0].iter().zip(IDENTITY).all(|(a, b)| (a - b).abs() < 1e-15));

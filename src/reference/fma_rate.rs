@@ -1,4 +1,4 @@
-//! Recurrences x ← factor · x + term, several for each thread.
+//! Twin of `fma_rate.comp`: recurrences x ← factor · x + term, several for each thread.
 
 /// The sum of the `chains` recurrences of each thread after `rounds`.
 pub fn fma_rate(count: u32, chains: u32, rounds: u32, factor: f64, term: f64) -> Vec<f64> {

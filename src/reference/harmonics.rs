@@ -1,5 +1,6 @@
-//! The colour of a Gaussian toward a view and its gradient: real spherical harmonics up to degree 3 with the sign convention of
-//! 3DGS, in which Y of order m carries (−1)^m, or their constant and betas. The twin of `glsl/shared/colour.glsl`.
+//! Twin of `glsl/shared/colour.glsl`: the colour of a Gaussian toward a view, and its gradient. Real
+//! spherical harmonics up to degree 3 with the sign convention of 3DGS, in which Y of order m carries (−1)^m,
+//! or their constant and betas.
 
 use glam::DVec3;
 
@@ -94,8 +95,8 @@ pub fn basis(degree: u32, direction: DVec3) -> [f64; 16] {
     b
 }
 
-/// ∂Y_k/∂direction of the polynomials above. Their part along the direction means nothing: the caller
-/// takes it out when it goes back through the normalisation.
+/// ∂Y_k/∂direction of the polynomials above. Their part along the direction has no meaning: the caller
+/// removes it when it differentiates the normalisation.
 pub fn basis_gradient(degree: u32, direction: DVec3) -> [DVec3; 16] {
     let DVec3 { x, y, z } = direction;
     let (xx, yy, zz) = (x * x, y * y, z * z);

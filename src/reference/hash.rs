@@ -1,4 +1,4 @@
-//! Counters to numbers at random.
+//! Twin of `glsl/shared/hash.glsl`: random numbers from counters.
 
 use glam::DVec3;
 

@@ -1,4 +1,5 @@
-//! Lifts behind the supplementary Gaussians that there are, closed up in the order of their 2D Gaussians.
+//! Twin of `lift_append.comp`: appends lifts to the supplement, compacted, in the order of their 2D
+//! Gaussians.
 
 use super::lift_pca::Lift;
 use crate::scene::{
@@ -6,8 +7,8 @@ use crate::scene::{
     layout::{self, GEOMETRY_PLANES, LOBE_DIRECTION, LOBE_PLANES, LOBE_WIDTH, LOG_SCALE, MEAN, OPACITY, QUAT},
 };
 
-/// Appends a Gaussian and its lobe for every lift, up to a number of `capacity`, and returns how many there would be with
-/// all. Coefficients of SH but the first are 0, and so is the sharpness.
+/// Appends a Gaussian and its lobe for every lift, up to `capacity` Gaussians. Returns the number there would
+/// be without that limit. All coefficients of SH but the first are 0, and so is the sharpness.
 pub fn lift_append(lifts: &[Lift], capacity: usize, supplement: &mut Supplement) -> usize {
     let first = supplement.gaussians.len();
     let there = || lifts.iter().filter(|lift| lift.cluster_size > 0);

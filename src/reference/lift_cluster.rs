@@ -1,5 +1,6 @@
-//! Foreground from background: single-linkage clustering of each set of points (method, section 4.2 and 4.3; Sibson 1973), as the
-//! connected components of the graph that joins points strictly closer than τ, in rounds at growing τ.
+//! Separates foreground from background: single-linkage clustering of each set of points (method, section 4.2
+//! and 4.3; Sibson 1973). Clusters are the connected components of the graph that joins points strictly
+//! closer than τ, in rounds of growing τ.
 
 use super::{
     lift_groups::{LiftClusters, lift_groups},
@@ -7,7 +8,8 @@ use super::{
 };
 use crate::stages::constants::cluster::MAX_GROWTHS;
 
-/// `fail_on_smallest` ⚖: failure is the smallest group having fewer than 3 points, not the largest.
+/// Clusters each set. `fail_on_smallest` ⚖: a set fails if its smallest group has fewer than 3 points, not
+/// its largest.
 pub fn lift_cluster(
     points: &[[f64; 4]],
     counts: &[u32],

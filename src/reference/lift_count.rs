@@ -1,19 +1,19 @@
-//! Number of pixels with a depth that each 2D Gaussian covers (method, section 4.1), and what it shares with `lift_points`:
-//! the footprint of a 2D Gaussian.
+//! Twin of `lift_count.comp`: counts the pixels with a depth that each 2D Gaussian covers (method, section
+//! 4.1). Also the footprint of a 2D Gaussian, shared with `lift_points`.
 
 use super::{ALPHA_MAX, ALPHA_MIN, DILATION};
 use crate::scene::Camera;
 
-/// 2D Gaussians and the images that they lie in, laid out as on the GPU.
+/// 2D Gaussians and their views, laid out as on the GPU.
 #[derive(Debug, Clone, Copy)]
 pub struct ScreenGaussians<'a> {
     /// 10 planes × `stride`: 0,1 centre (px), 2..4 rgb, 5 opacity logit, 6,7 log scale (px), 8 angle (rad), 9 depth (0: none).
     pub screen_planes: &'a [f64],
-    /// Places of a plane.
+    /// Slots of a plane.
     pub stride: usize,
     /// View of each 2D Gaussian, [`super::NONE`] for an empty slot; its length is their number.
     pub screen_frames: &'a [u32],
-    /// Their cameras.
+    /// The views' cameras.
     pub views: &'a [Camera],
     /// First pixel of each view in `depths`.
     pub pixel_firsts: &'a [usize],
@@ -22,17 +22,17 @@ pub struct ScreenGaussians<'a> {
 }
 
 impl ScreenGaussians<'_> {
-    /// Places, empty ones among them.
+    /// Slots, including empty ones.
     pub fn len(&self) -> usize {
         self.screen_frames.len()
     }
 
-    /// There are no places.
+    /// True if there are no slots.
     pub fn is_empty(&self) -> bool {
         self.screen_frames.is_empty()
     }
 
-    /// Of one 2D Gaussian; planes as in `screen_planes`.
+    /// One value of one 2D Gaussian; planes as in `screen_planes`.
     pub fn get(&self, plane: usize, item: usize) -> f64 {
         self.screen_planes[plane * self.stride + item]
     }
@@ -53,7 +53,7 @@ impl ScreenGaussians<'_> {
         screen_covariance([self.get(6, item), self.get(7, item)], self.get(8, item))
     }
 
-    /// The pixels that it can cover; `None` for an empty place and where there are none.
+    /// The pixels that it can cover; `None` for an empty slot and if there are none.
     pub fn footprint(&self, item: usize) -> Option<Footprint> {
         let camera = self.view(item)?;
         make_footprint(
@@ -67,22 +67,22 @@ impl ScreenGaussians<'_> {
     }
 }
 
-/// The pixels that a 2D Gaussian may cover and what weighs them.
+/// The pixels that a 2D Gaussian may cover, and the conic that weighs them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Footprint {
     /// Pixels.
     pub centre: [f64; 2],
     /// (S + 0.3 I)⁻¹ = LᵀL, L upper triangular.
     pub l11: f64,
-    /// Of L, 1/px.
+    /// Entry of L, 1/px.
     pub l12: f64,
-    /// Of L, 1/px.
+    /// Entry of L, 1/px.
     pub l22: f64,
     /// σ(logit), compensated or not.
     pub opacity: f64,
-    /// First pixel of the bounding box, and its size.
+    /// First pixel of the bounding box.
     pub low: [u32; 2],
-    /// Of the bounding box.
+    /// Size of the bounding box, pixels.
     pub size: [u32; 2],
 }
 
@@ -93,7 +93,7 @@ pub fn screen_covariance(log_scale: [f64; 2], angle: f64) -> [f64; 3] {
     [c * c * a + n * n * b, c * n * (a - b), n * n * a + c * c * b]
 }
 
-/// The ellipse with α ≥ 1/255 of a 2D Gaussian in an image of `image` pixels; `None` where it covers no pixel.
+/// The ellipse with α ≥ 1/255 of a 2D Gaussian in an image of `image` pixels; `None` if it covers no pixel.
 pub fn make_footprint(
     centre: [f64; 2],
     logit: f64,
@@ -144,7 +144,7 @@ impl Footprint {
         self.opacity * (-0.5 * (u * u + v * v)).exp()
     }
 
-    /// α at a pixel; `None` where it is not covered.
+    /// α at a pixel; `None` if it is not covered.
     pub fn weight(&self, x: u32, y: u32) -> Option<f64> {
         let alpha = self.response(x, y);
         (alpha >= ALPHA_MIN).then(|| alpha.min(ALPHA_MAX))
@@ -157,12 +157,12 @@ impl Footprint {
     }
 }
 
-/// A pixel has a surface there, and float32 a number for it.
+/// True if a pixel has a surface, at a depth that float32 can hold.
 pub fn is_depth(depth: f64) -> bool {
     depth > 0.0 && depth.is_finite()
 }
 
-/// `point_counts`, one per 2D Gaussian.
+/// Returns `point_counts`, one per 2D Gaussian.
 pub fn lift_count(gaussians: &ScreenGaussians) -> Vec<u32> {
     (0..gaussians.len())
         .map(|item| match gaussians.footprint(item) {
@@ -199,7 +199,7 @@ mod tests {
             let g = ScreenGaussians {
                 screen_planes: &plane, stride: 1, screen_frames: &[0], views: &views, pixel_firsts: &[0], depths: &depths,
             };
-            // Straight from the definition, over the whole image.
+            // The definition, evaluated over the whole image.
             let s = screen_covariance([a, b], angle);
             let (p, q, r) = (s[0] + 0.3, s[1], s[2] + 0.3);
             let det = p * r - q * q;

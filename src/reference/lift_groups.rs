@@ -1,13 +1,14 @@
-//! Judges the components of each open set and names its prime group (method, section 4.2 and 4.3).
+//! Twin of `lift_groups.comp`: evaluates the components of each open set and selects its prime group (method,
+//! section 4.2 and 4.3).
 
 use super::lift_join::find;
 
-/// While clustering fails, τ grows by this factor.
+/// Growth of τ while clustering fails.
 pub const TAU_GROWTH: f64 = 1.5;
 /// Points that PCA needs.
 pub const GROUP_MIN: u32 = 3;
 
-/// What clustering makes of its sets.
+/// State and result of clustering.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LiftClusters {
     /// Per point: index within its set of the first point of its component.
@@ -21,13 +22,13 @@ pub struct LiftClusters {
     pub cluster_sizes: Vec<u32>,
 }
 
-/// Whether a set is still to be clustered.
+/// True if a set is still to be clustered.
 pub fn is_open(points: u32, tau: f64, cluster_size: u32) -> bool {
     cluster_size == 0 && points >= GROUP_MIN && tau > 0.0 && tau <= 1e18
 }
 
-/// Returns whether a set failed, so that another round is wanted; its τ has grown then, unless this is the `last` round.
-/// `fail_on_smallest` ⚖: failure is the smallest group having fewer than 3 points, not the largest.
+/// Returns true if a set failed and needs another round. Its τ has then grown, unless this is the `last`
+/// round. `fail_on_smallest` ⚖: a set fails if its smallest group has fewer than 3 points, not its largest.
 pub fn lift_groups(
     counts: &[u32],
     firsts: &[u32],

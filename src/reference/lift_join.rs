@@ -1,8 +1,10 @@
-//! Joins the points of each open set that are strictly closer than the set's τ (method, section 4.2).
+//! Twin of `lift_join.comp`: joins the points of each open set that are strictly closer than the set's τ
+//! (method, section 4.2).
 
 use super::lift_groups::is_open;
 
-/// The root of x, halving the path. Of two joined components the smaller root stays, so a root is its component's first point.
+/// The root of x, halving the path. A joined component keeps the smaller root, so a root is its component's
+/// first point.
 pub fn find(labels: &mut [u32], mut x: u32) -> u32 {
     while labels[x as usize] != x {
         labels[x as usize] = labels[labels[x as usize] as usize];
@@ -23,14 +25,15 @@ fn join_closer_than(tau: f64, points: &[[f64; 4]], labels: &mut [u32]) {
     }
 }
 
-/// Components of one set at τ: per point, the first member of its component.
+/// Components of one set at τ: for each point, the first member of its component.
 pub fn components(tau: f64, points: &[[f64; 4]]) -> Vec<u32> {
     let mut labels: Vec<u32> = (0..points.len() as u32).collect();
     join_closer_than(tau, points, &mut labels);
     (0..points.len() as u32).map(|i| find(&mut labels, i)).collect()
 }
 
-/// All pairs of every open set. `labels` holds an ancestor of each point, at first the point itself.
+/// Joins all close pairs of every open set. `labels` holds an ancestor of each point, initially the point
+/// itself.
 pub fn lift_join(
     points: &[[f64; 4]],
     counts: &[u32],

@@ -1,5 +1,6 @@
-//! The 3D Gaussian of each prime group: position, weighted PCA, calibration, colour and lobe (method, section 4.3 to 4.6).
-//! The kernel's head says what comes out where the algebra is not unique.
+//! Twin of `lift_pca.comp`: the 3D Gaussian of each prime group: position, weighted PCA, calibration, colour
+//! and lobe (method, section 4.3 to 4.6). The kernel's head comment lists the cases in which the algebra is
+//! not unique.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -12,11 +13,11 @@ use super::lift_points::LiftPoints;
 use super::{NEAR, View};
 use crate::{scene::Camera, stages::types};
 
-/// Least eigenvalue in squares of the scene's own length.
+/// Smallest eigenvalue, in squares of the scene's own length.
 pub const EIGENVALUE_MIN: f64 = 1e-7;
 const SWEEPS: u32 = 8;
 
-/// A supplementary Gaussian in world space; all 0 where there is no lift.
+/// A supplementary Gaussian in world space; all 0 if there is no lift.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Lift {
     /// Scene units.
@@ -107,8 +108,8 @@ pub fn eigen(matrix: [f64; 6]) -> ([f64; 3], [DVec3; 3]) {
     (value.map(|v| v * trace), axes)
 }
 
-/// The covariance of the weighted points (xyz, weight) as (xx, yy, zz, xy, xz, yz), and their weighted mean: weights w for the
-/// mean, w² (⚖ `plain_weights`: w) for the covariance. Centred sums, from the first point on.
+/// The covariance of the weighted points (xyz, weight) as (xx, yy, zz, xy, xz, yz), and their weighted mean:
+/// weights w for the mean, w² (⚖ `plain_weights`: w) for the covariance. Sums are centred on the first point.
 pub fn weighted_covariance(points: &[[f64; 4]], plain_weights: bool) -> ([f64; 6], DVec3) {
     let Some(&first) = points.first() else { return ([0.0; 6], DVec3::ZERO) };
     let origin = DVec3::new(first[0], first[1], first[2]);
@@ -150,8 +151,8 @@ pub fn quaternion(columns: [DVec3; 3]) -> [f64; 4] {
     q.map(|v| v / length)
 }
 
-/// Q = J R diag(λ) Rᵀ Jᵀ as (Q11, Q12, Q22), px², without dilation. All in the camera's frame; `slope` is x/z and y/z, which
-/// are clamped as in rendering.
+/// Q = J R diag(λ) Rᵀ Jᵀ as (Q11, Q12, Q22), px², without dilation. All in the camera's frame; `slope` is x/z
+/// and y/z, clamped as in rendering.
 pub fn projected_covariance(
     camera: &Camera,
     slope: [f64; 2],
@@ -179,8 +180,8 @@ pub fn calibration(q: [f64; 3], s: [f64; 3]) -> f64 {
     (u[0] * s[0] + 2.0 * u[1] * s[1] + u[2] * s[2]) / ((u[0] * u[0] + 2.0 * u[1] * u[1] + u[2] * u[2]) * size)
 }
 
-/// Angle at `position` between the source camera (in direction `toward`) and the training camera closest in angle whose
-/// frustum holds the position; π/2 if there is none.
+/// Angle at `position` between the source camera (in direction `toward`) and the training camera closest in
+/// angle whose frustum contains the position; π/2 if there is none.
 fn nearest_view_angle(position: DVec3, toward: DVec3, source: u32, views: &[Camera], train_views: &[u32]) -> f64 {
     let mut nearest = 4.0;
     for &v in train_views {
@@ -195,7 +196,7 @@ fn nearest_view_angle(position: DVec3, toward: DVec3, source: u32, views: &[Came
     if nearest < 4.0 { nearest } else { FRAC_PI_2 }
 }
 
-/// `unit`: the scene's own length. `plain_weights` ⚖: covariance weighted by w, not w².
+/// Computes all lifts. `unit`: the scene's own length. `plain_weights` ⚖: covariance weighted by w, not w².
 pub fn lift_pca(
     gaussians: &ScreenGaussians,
     points: &LiftPoints,
@@ -416,14 +417,15 @@ mod tests {
             prop_assert!(lift.cluster_size > 20);
             let (centre, q) = projected(&cam, &lift);
             prop_assert!((centre[0] - x).abs() < 1e-6 && (centre[1] - y).abs() < 1e-6);
-            // What separates Q from S: the weights are those of S + 0.3 I, so its shape is, 0.3/s² ≤ 0.3/e^2.4 = 2.7 %; over a radius of
-            // 3.3·s ≤ 27 px of f = 150 px a slope of 0.85 bends depth by ±15 %, whose even part, squared, is 2.4 %, about doubled by the
-            // fourth moments; and the truncated sum over pixels, under 1 %. Together below 10 %.
+            // Sources of the difference between Q and S, together below 10 %: the weights are those of S +
+            // 0.3 I, so its shape is too, 0.3/s² ≤ 0.3/e^2.4 = 2.7 %. Over a radius of 3.3·s ≤ 27 px of f =
+            // 150 px a slope of 0.85 bends depth by ±15 %; its even part, squared, is 2.4 %, about doubled by
+            // the fourth moments. The truncated sum over pixels is under 1 %.
             let s = super::super::lift_count::screen_covariance([a, b], angle);
             let norm = |m: [f64; 3]| (m[0] * m[0] + 2.0 * m[1] * m[1] + m[2] * m[2]).sqrt();
             let error = norm([0, 1, 2].map(|i| q[i] - s[i])) / norm(s);
             prop_assert!(error < 0.1, "{error}");
-            // Points on a plane: the third axis is its normal, and looks at the camera.
+            // Points on a plane: the third axis is its normal, and points at the camera.
             let [w, i, j, k] = lift.quat;
             let third = DQuat::from_xyzw(i, j, k, w) * DVec3::Z;
             let facing = normal * (cam.eye() - DVec3::from(lift.mean)).dot(normal).signum();
@@ -433,7 +435,7 @@ mod tests {
 
     #[test]
     fn a_straight_plane_gives_the_dilated_shape_closely() {
-        // No tilt, no bend: what is left is 0.3 I, here 0.3/64 at most, and the sum over pixels.
+        // No tilt, no bend: the only errors are 0.3 I, here 0.3/64 at most, and the sum over pixels.
         let cam = camera(DVec3::new(0.0, 0.0, -5.0), DVec3::ZERO);
         let depths = screen_depths(&cam, DVec3::ZERO, DVec3::Z);
         let plane = [80.3, 60.1, 0.5, 0.5, 0.5, 1.0, 8f64.ln(), 11f64.ln(), 0.4, 5.0];
@@ -442,7 +444,7 @@ mod tests {
         let s = super::super::lift_count::screen_covariance([8f64.ln(), 11f64.ln()], 0.4);
         assert!(largest_difference(&q, &s) < 0.005 * s[2]);
         assert_eq!(lift.dc, [0.0; 3]);
-        // Nobody else sees it.
+        // No other camera sees it.
         assert_eq!((lift.theta_bar, lift.lobe_width), (FRAC_PI_2, 1.0));
         // λ3 = 1e-7·unit²; w² weights halve C, so k² is a little over 2: √(2.5e-7) < 1e-3.
         assert!(lift.log_scale[2].exp() < 1e-3);
@@ -481,7 +483,7 @@ mod tests {
         let with = lift_one(&plane, &[cam], &depths, &[]);
         assert_eq!(with.cluster_size, alone.cluster_size - 5);
         assert!(largest_difference(&with.log_scale, &alone.log_scale) < 0.02);
-        // Half foreground, half background: the heaviest point's side is taken, the other is not.
+        // Half foreground, half background: only the heaviest point's side is taken.
         for (i, d) in depths.iter_mut().enumerate() {
             *d = if i % 160 < 78 { 50.0 } else { 5.0 };
         }
@@ -504,7 +506,7 @@ mod tests {
         sound(&lift);
         assert!(lift.cluster_size > 10);
         assert!((lift.log_scale[1] - lift.log_scale[2]).abs() < 1e-9);
-        // Coincident points, straight into the PCA: a ball of the least size, calibrated.
+        // Coincident points, straight into the PCA: a ball of the smallest size, calibrated.
         let g = ScreenGaussians {
             screen_planes: &plane,
             stride: 1,
@@ -525,7 +527,8 @@ mod tests {
         let lift = lift_pca(&g, &points, &clusters, &[], 1.0, false)[0];
         sound(&lift);
         assert_eq!(lift.cluster_size, 3);
-        // With no length at all there is nothing to scale: no lift. Nor where the colour or the centre is NaN.
+        // With no length at all there is nothing to scale: no lift. There is none either if the colour or the
+        // centre is NaN.
         assert_eq!(lift_pca(&g, &points, &clusters, &[], 0.0, false)[0], Lift::default());
         for bad in [0, 3, 5, 6, 8] {
             let mut plane = plane;

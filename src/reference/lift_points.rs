@@ -1,4 +1,5 @@
-//! Covered pixels of each 2D Gaussian as 3D points with their weights (method, section 4.1).
+//! Twin of `lift_points.comp`: converts the covered pixels of each 2D Gaussian to weighted 3D points (method,
+//! section 4.1).
 
 use super::lift_count::{ScreenGaussians, is_depth};
 
@@ -8,15 +9,16 @@ pub const TAU_PIXELS: f64 = 5.0;
 /// Points of all 2D Gaussians; those of item i are `points[firsts[i]..][..counts[i]]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LiftPoints {
-    /// Points of each item.
+    /// Number of points of each item.
     pub counts: Vec<u32>,
-    /// Where they begin.
+    /// First point of each item.
     pub firsts: Vec<u32>,
     /// (x, y, z, weight) in the frame of the view's camera, pixels in row-major order.
     pub points: Vec<[f64; 4]>,
-    /// Index within the set of the point of greatest weight; ties go to the lowest; 0 for an empty set.
+    /// Index within the set of the point of greatest weight; ties go to the lowest index; 0 for an empty set.
     pub heaviest: Vec<u32>,
-    /// τ0 = 5·depth/fx, with the depth at the centre or, where it has none, at the heaviest point; 0 for an empty set.
+    /// τ0 = 5·depth/fx, with the depth at the centre or, if it has none, at the heaviest point; 0 for an
+    /// empty set.
     pub start_taus: Vec<f64>,
 }
 
@@ -108,7 +110,7 @@ mod tests {
         let heavy = lifted.heaviest[0] as usize;
         let top = lifted.points.iter().map(|p| p[3]).fold(0.0, f64::max);
         assert_eq!(lifted.points.iter().position(|p| p[3] == top), Some(heavy));
-        // The centre has no depth, so the heaviest point's counts.
+        // The centre has no depth, so the heaviest point's is used.
         assert_eq!(lifted.start_taus[0], 5.0 * lifted.points[heavy][2] / 30.0);
     }
 }

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::{FLOAT_MAX, FLOAT_MIN};
 
-/// The factor in [0, 1]. 0 when d is 0 (no direction) or anything is NaN.
+/// The factor in [0, 1]. 0 if d is 0 (no direction) or anything is NaN.
 pub fn factor(direction: DVec3, width: f64, sharpness: f64, to_eye: DVec3) -> f64 {
     match half_angle(direction, width, to_eye) {
         Some(half) => (2.0 * sharpness.exp() * half.cos().ln()).exp(),
@@ -20,7 +20,7 @@ pub fn factor(direction: DVec3, width: f64, sharpness: f64, to_eye: DVec3) -> f6
 /// ∂f/∂(d, T, β, mean).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Gradient {
-    /// By d, which is of any length.
+    /// By d, of any length.
     pub direction: DVec3,
     /// By T.
     pub width: f64,
@@ -30,15 +30,15 @@ pub struct Gradient {
     pub mean: DVec3,
 }
 
-/// The factor's gradient; all 0 where the factor is.
+/// The factor's gradient; all 0 if the factor is 0.
 ///
 /// ∂f/∂ψ = −f e^β tan(ψ/2), ∂θ/∂d = −(v − cos θ d̂) / (|d| sin θ), ∂θ/∂v = −(d̂ − cos θ v) / sin θ.
-/// tan(ψ/2) / sin θ tends to 1/(2T) as θ → 0, where the vectors it multiplies vanish.
+/// tan(ψ/2) / sin θ tends to 1/(2T) as θ → 0, and the vectors it multiplies vanish there.
 pub fn factor_gradient(direction: DVec3, width: f64, sharpness: f64, to_eye: DVec3) -> Gradient {
     let Some(half) = half_angle(direction, width, to_eye) else { return Gradient::default() };
     let f = factor(direction, width, sharpness, to_eye);
     if f == 0.0 {
-        // cos(ψ/2)^(2e^β) underflowed: f · tan(ψ/2) is 0 there however large the tangent.
+        // cos(ψ/2)^(2e^β) underflowed: f · tan(ψ/2) is 0 for any tangent.
         return Gradient::default();
     }
     let (length, distance) = (direction.length(), to_eye.length());

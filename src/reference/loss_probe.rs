@@ -1,17 +1,17 @@
-//! Twin of `loss_probe.comp`.
+//! Twin of `loss_probe.comp`: random gradients whose squares estimate the loss's curvature.
 
 use super::{
     hash::pcg4d,
     ssim_forward::{SSIM_WEIGHT, counts, target_channel},
 };
 
-/// What a difference between render and photograph counts as at least.
+/// Smallest difference between render and photograph in the weight of a probe.
 pub const LEAST_DIFFERENCE: f64 = 0.01;
 
-/// Counter of the hash, apart from those of density control.
+/// Counter of the hash, different from those of density control.
 const HASH_PROBE: u32 = 5;
 
-/// A gradient by RGB of each pixel of frame `frame`, row by row, whose signs are drawn anew in each `step`.
+/// A gradient by RGB of each pixel of frame `frame`, row by row, with new random signs in each `step`.
 pub fn loss_probe(image: &[[f64; 4]], targets: &[u32], frame: u32, step: u32) -> Vec<[f64; 3]> {
     let scale = (1.0 - SSIM_WEIGHT) / (3.0 * image.len() as f64);
     let of = |(i, (rgba, &target)): (usize, (&[f64; 4], &u32))| {
@@ -72,8 +72,9 @@ mod tests {
                         want += ((high[c] - low[c]) / 2e-5).powi(2) * scale / difference;
                     }
                 }
-                // Of squares of a normal number the mean over n scatters by √(2/n), 6 %: four deviations. Thresholds of α make the
-                // differences of some pixels wrong, to less than that. What is not seen is 0 in both, up to rounding.
+                // The mean over n squares of a normal number scatters by √(2/n), 6 %: four deviations.
+                // Thresholds of α make the differences of some pixels wrong, by less than that. Invisible
+                // parameters are 0 in both, up to rounding.
                 assert!((mean[at] - want).abs() <= 0.24 * want + 1e-12, "{plane} {i}: {} and {want}", mean[at]);
                 told += usize::from(want > 1e-9);
             }

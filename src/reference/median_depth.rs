@@ -1,22 +1,23 @@
-//! The depth of each pixel's median Gaussian (method, section 4).
+//! Twin of `median_depth.comp`: the depth of each pixel's median Gaussian (method, section 4).
 
 use glam::{DVec3, DVec4};
 
 use super::project::rotation;
 use super::{FLOAT_MAX, NONE, Params, View};
 
-/// Where on the median Gaussian the depth is taken (method, section 4, ⚖).
+/// Point of the median Gaussian at which the depth is taken (method, section 4, ⚖).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthAt {
-    /// z of the point of maximum response along the pixel's ray, or of the centre where that point is not in front of the
-    /// near plane.
+    /// z of the point of maximum response along the pixel's ray, or of the centre if that point is not in
+    /// front of the near plane.
     MaximumResponse,
     /// z of the Gaussian's centre.
     Centre,
 }
 
-/// Camera z by pixel, scene units; 0 where there is no median Gaussian. A point that is not in front of the near plane, or is nowhere, falls
-/// back to the centre's z. `scale` is that of the model in the world, whose view's rows have it too; 1 for a view of the world itself.
+/// Camera z by pixel, scene units; 0 if there is no median Gaussian. If the point of maximum response is not
+/// in front of the near plane, or does not exist, the centre's z is used. `scale` is that of the model in the
+/// world, which the view's rows contain too; 1 for a view of the world itself.
 pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt, scale: f64) -> Vec<f64> {
     let mut depths = vec![0.0; median.len()];
     for (pixel, &global) in median.iter().enumerate() {
@@ -36,9 +37,10 @@ pub fn median_depth(params: &Params, view: &View, median: &[u32], at: DepthAt, s
     depths
 }
 
-/// The ray is eye + z · direction, its direction having camera z = 1. In the Gaussian's own whitened axes it is
-/// o + z d with o = S⁻¹Rᵀ(eye − mean), d = S⁻¹Rᵀ direction, and nearest the origin at z = −o·d / |d|². S⁻¹ enters
-/// twice above and below, so it is taken times the smallest scale: entries in (0, 1], nothing overflows.
+/// The ray is eye + z · direction, its direction having camera z = 1. In the Gaussian's own whitened axes it
+/// is o + z d with o = S⁻¹Rᵀ(eye − mean), d = S⁻¹Rᵀ direction, and nearest the origin at z = −o·d / |d|².
+/// Numerator and denominator contain S⁻¹ twice, so it is multiplied by the smallest scale: entries are in (0,
+/// 1], and nothing overflows.
 fn maximum_response(params: &Params, view: &View, i: usize, u: f64, v: f64) -> f64 {
     let Some(rotation) = rotation(params.quat(i)) else { return 0.0 };
     let log_scale = params.log_scale(i);
@@ -57,7 +59,8 @@ mod tests {
     use super::*;
     use crate::reference::{Background, NEAR, Options, random_camera, random_scene, render};
 
-    /// Samples the 3D Gaussian along the ray and looks for its maximum by ternary search: log density is a parabola.
+    /// Samples the 3D Gaussian along the ray and finds its maximum by ternary search: log density is a
+    /// parabola.
     #[test]
     fn the_depth_is_where_the_gaussian_is_densest_on_the_ray() {
         let params = Params::from_scene(&random_scene(3, 300, 100, 0)).unwrap();

@@ -1,11 +1,11 @@
-//! The float64 twin of every stage: same name, same loops, on the host. What a kernel computes is
-//! judged against these functions, and these are judged against central differences (`tests/gradients.rs`). [`host`] has
-//! them stand in for stages.
+//! The float64 twin of every stage: same name, same loops, on the host. Tests compare each kernel's results
+//! with these functions, and these functions with central differences (`tests/gradients.rs`). [`host`] lets
+//! them replace stages.
 //!
 //! Layouts are those of `docs/design-notes.md`: parameters are planes, base Gaussians come first.
-//! Slices must have the lengths their docs give; the twins do not check what the stages check.
+//! Slices must have the lengths documented; the twins do not check what the stages check.
 
-// The house guards positively, so that NaN fails: `!(x >= lo)` is meant, here as in the kernels.
+// The house style guards positively, so that NaN fails: `!(x >= lo)` is intended, here as in the kernels.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod adam;
@@ -90,7 +90,7 @@ pub use view::View;
 
 /// Smallest α that contributes to a pixel (3DGS): half a step of an 8-bit image, rounded up.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;
-/// Largest α (3DGS): keeps 1 − α away from 0, by which the backward pass divides.
+/// Largest α (3DGS): keeps 1 − α, a divisor in the backward pass, away from 0.
 pub const ALPHA_MAX: f64 = 0.99;
 /// A pixel stops before the Gaussian that would take its transmittance below this (3DGS).
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
@@ -98,15 +98,14 @@ pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 pub const NEAR: f64 = crate::data::NEAR;
 /// Variance added to the projected Gaussian, px² (3DGS): no splat is thinner than a pixel.
 pub const DILATION: f64 = 0.3;
-/// Range of float32: its smallest number that is not denormal, its largest that is finite. What a kernel cannot hold is not
-/// visible to the twin either.
+/// Smallest normal float32. The twin ignores numbers that a kernel cannot hold.
 pub const FLOAT_MIN: f64 = f32::MIN_POSITIVE as f64;
-/// See [`FLOAT_MIN`].
+/// Largest finite float32.
 pub const FLOAT_MAX: f64 = f32::MAX as f64;
-/// "No Gaussian" wherever a Gaussian index is expected.
+/// "No Gaussian" in place of a Gaussian index.
 pub const NONE: u32 = u32::MAX;
 
-/// What projection leaves of a Gaussian in a view; `docs/design-notes.md` defines the factor L.
+/// A Gaussian projected into a view; `docs/design-notes.md` defines the factor L.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Splat {
     /// Centre, px.
@@ -115,9 +114,9 @@ pub struct Splat {
     pub y: f64,
     /// L = [[l11, l12], [0, l22]] with LᵀL = Σ2D⁻¹, 1/px.
     pub l11: f64,
-    /// Of L, 1/px.
+    /// Entry of L, 1/px.
     pub l12: f64,
-    /// Of L, 1/px.
+    /// Entry of L, 1/px.
     pub l22: f64,
     /// σ(logit) · lobe · compensation.
     pub opacity: f64,
@@ -144,7 +143,7 @@ impl Splat {
         (self.l11 * dx + self.l12 * dy, self.l22 * dy)
     }
 
-    /// The sums of the magnitudes of what makes up w: a needle's two terms nearly cancel.
+    /// The sums of the magnitudes of w's terms: a needle's two terms nearly cancel.
     pub(crate) fn whiten_magnitudes(&self, column: u32, row: u32) -> (f64, f64) {
         let dx = column as f64 + 0.5 - self.x;
         let dy = row as f64 + 0.5 - self.y;
@@ -155,14 +154,14 @@ impl Splat {
 /// The constant colour or the image (row-major, width · height pixels) behind all Gaussians.
 #[derive(Debug, Clone, Copy)]
 pub enum Background<'a> {
-    /// The same everywhere, sRGB.
+    /// One colour for all pixels, sRGB.
     Color([f64; 3]),
-    /// By pixel: what a screen phase draws over.
+    /// By pixel: the backdrop of a screen phase.
     Image(&'a [[f64; 3]]),
 }
 
 impl Background<'_> {
-    /// Behind pixel number `pixel`, rows from the top.
+    /// The background at pixel number `pixel`, rows from the top.
     pub fn at(&self, pixel: usize) -> [f64; 3] {
         match self {
             Background::Color(color) => *color,
@@ -180,8 +179,8 @@ mod tests {
     use super::*;
     use crate::stages::constants as kernels;
 
-    /// The twins have their numbers in float64 and of their own, so that a wrong one in a kernel shows; where both have a name the
-    /// compiler can see it too.
+    /// The twins define their own numbers in float64, so that a wrong number in a kernel shows. This compares
+    /// those with a name on both sides.
     #[test]
     fn twins_have_the_kernels_constants() {
         for (name, twin, kernel) in [

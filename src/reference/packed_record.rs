@@ -1,11 +1,12 @@
-//! A gradient record in four words; see `glsl/shared/packed_record.glsl`.
+//! Twin of `glsl/shared/packed_record.glsl`: a gradient record in four words.
 
 use super::blend_backward::Record;
 
-/// In word 0: of a Gaussian whose opacity alone learns.
+/// In word 0: marks a Gaussian that learns only its opacity.
 const OPACITY_MARK: u32 = 1 << 30;
 
-/// A record in four words, in float32 before it is packed. `opacity_only`: the record's first number is a mark, and kept as one.
+/// Packs a record into four words, through float32. `opacity_only`: the record's first number is a mark, and
+/// packed as one.
 pub fn pack_record(record: &Record, opacity_only: bool) -> [u32; 4] {
     let mut numbers = record.map(|part| part as f32);
     if opacity_only {
@@ -19,7 +20,7 @@ pub fn pack_record(record: &Record, opacity_only: bool) -> [u32; 4] {
     [codes(0) | mark, codes(3), codes(6), u32::from_le_bytes(units)]
 }
 
-/// The record that four words are.
+/// Unpacks the record in four words.
 pub fn unpack_record(words: [u32; 4]) -> Record {
     let units = words[3].to_le_bytes();
     let mut record: Record = std::array::from_fn(|k| {
@@ -32,12 +33,12 @@ pub fn unpack_record(words: [u32; 4]) -> Record {
     record
 }
 
-/// What the number of part `k` of a record is counted in.
+/// The unit of part `k` of a record.
 pub fn unit_of(words: [u32; 4], k: usize) -> f64 {
     unit(words[3].to_le_bytes()[unit_at(k)])
 }
 
-/// Exponents: of the centre's first two, of the shape, of the colour, of the opacity.
+/// Exponents of the units: of the centre's first two numbers, of the shape, of the colour, of the opacity.
 fn units_of(numbers: &[f32; 9]) -> [u8; 4] {
     let of = |parts: &[f32]| {
         let largest = parts.iter().map(|part| part.abs().to_bits()).max().unwrap_or(0) >> 23;
@@ -46,7 +47,7 @@ fn units_of(numbers: &[f32; 9]) -> [u8; 4] {
     [of(&numbers[..2]), of(&numbers[3..6]), of(&numbers[6..]), of(&numbers[2..3])]
 }
 
-/// Which of the four units part `k` of a record has.
+/// Number of the unit of part `k` of a record.
 fn unit_at(k: usize) -> usize {
     if k == 2 { 3 } else { k / 3 }
 }
@@ -67,8 +68,8 @@ fn code(x: f32, exponent: u8) -> u32 {
 mod tests {
     use super::*;
 
-    /// Half a unit, which is a 512th of the power of two below the largest of a part; and the largest itself may lose another half, where
-    /// it rounds up to 512.
+    /// The error is half a unit, a 512th of the power of two below the largest of a part. The largest itself
+    /// may lose another half, if it rounds up to 512.
     #[test]
     fn numbers_are_right_to_a_512th_of_the_largest_of_their_part() {
         let mut seed = 1u32;

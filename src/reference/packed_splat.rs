@@ -1,4 +1,4 @@
-//! A splat and its colour in 28 bytes; see `glsl/shared/packed_splat.glsl`.
+//! Twin of `glsl/shared/packed_splat.glsl`: a splat and its colour in 28 bytes.
 
 use super::{
     Splat,
@@ -10,10 +10,10 @@ use crate::{
     stages::{constants::packed_splat::OPACITY_STEP, types::PackedSplat},
 };
 
-/// The largest that a half holds.
+/// Largest half float.
 const HALF_MAX: f32 = 65504.0;
 
-/// A splat packed, in float32 before.
+/// Packs a splat, through float32.
 pub fn pack_splat(s: &Splat) -> PackedSplat {
     let half = |colour: f64| {
         let bits = (colour as f32).min(HALF_MAX).to_bits();
@@ -25,7 +25,7 @@ pub fn pack_splat(s: &Splat) -> PackedSplat {
     PackedSplat { first: [l11, l12, l22, x], rest: [y, opacity | half(s.r) << 16, half(s.g) | half(s.b) << 16] }
 }
 
-/// The splat that was packed. Of the camera's z nothing is kept.
+/// Unpacks a splat. The camera's z is lost.
 pub fn unpack_splat(p: &PackedSplat) -> Splat {
     let float = |word: u32| f64::from(f32::from_bits(word));
     let half = |word: u32| f16::from_bits(word as u16).to_f64();
@@ -44,7 +44,7 @@ pub fn unpack_splat(p: &PackedSplat) -> Splat {
     }
 }
 
-/// What is left of splats that are packed: their numbers of tiles follow the opacity that was kept.
+/// Projected splats after packing and unpacking; their tile counts follow the packed opacity.
 pub fn packed(projected: Projected, tiling: &Tiling) -> Projected {
     let mut packed = projected;
     for (splat, tiles) in packed.splats.iter_mut().zip(&mut packed.tile_counts).filter(|(_, tiles)| **tiles > 0) {
@@ -59,7 +59,8 @@ pub fn packed(projected: Projected, tiling: &Tiling) -> Projected {
 mod tests {
     use super::*;
 
-    /// Opacities to half of 1/65280, and exactly where α first counts; colours to half a unit of a half, 2^-11 of themselves.
+    /// Opacities to half of 1/65280, and exact at α's threshold; colours to half a unit of a half, 2^-11 of
+    /// themselves.
     #[test]
     fn a_packed_splat_comes_back() {
         for k in 0..2000 {

@@ -32,14 +32,14 @@ pub struct Params {
 }
 
 impl Params {
-    /// Strides are the counts. Fails when the scene's arrays do not have the lengths their docs give.
+    /// Strides are the counts. Fails if the scene's arrays do not have the documented lengths.
     pub fn from_scene(scene: &Scene) -> Result<Self> {
         let none = Supplement::default();
         let supplement = scene.supplement.as_ref().unwrap_or(&none);
         let (first, extra) = (scene.base.len(), supplement.gaussians.len());
         check("base", &scene.base)?;
         check("supplement", &supplement.gaussians)?;
-        // What one of them lacks is 0.
+        // Coefficients that a Gaussian lacks are 0.
         let of = |part: &Gaussians| if part.is_empty() { 0 } else { part.sh_degree };
         let sh_degree = if extra == 0 { scene.base.sh_degree } else { of(&scene.base).max(of(&supplement.gaussians)) };
         let parts = [&scene.base, &supplement.gaussians].into_iter().filter(|part| !part.is_empty());
@@ -59,7 +59,7 @@ impl Params {
                 for (p, value) in layout::geometry(gaussians, j).into_iter().enumerate() {
                     params.geometry[p * params.stride + i] = f64::from(value);
                 }
-                // From the world's origin a number keeps its bits, −0 too.
+                // With the world's origin a number keeps its bits, even −0.
                 for (axis, &from) in scene.origin.as_ref().iter().enumerate().filter(|(_, from)| **from != 0.0) {
                     params.geometry[(MEAN + axis) * params.stride + i] += from;
                 }
@@ -76,7 +76,7 @@ impl Params {
         Ok(params)
     }
 
-    /// The scene with every parameter rounded to float32. No supplement when there is no lobe.
+    /// The scene with every parameter rounded to float32. No supplement if no Gaussian has a lobe.
     pub fn to_scene(&self) -> Scene {
         let part = |from: usize, to: usize| {
             let mut part = Gaussians { sh_degree: self.sh_degree, ..Default::default() };
@@ -96,7 +96,7 @@ impl Params {
         Scene { base: part(0, self.lobe_first), supplement, ..Default::default() }
     }
 
-    /// All zero, strides as counts.
+    /// All zero, with strides equal to the counts.
     pub fn zeros(count: usize, lobe_first: usize, sh_degree: u32) -> Self {
         let lobe_stride = count - lobe_first.min(count);
         Params {
@@ -121,7 +121,7 @@ impl Params {
         }
     }
 
-    /// Coefficients per Gaussian and channel, (L + 1)², or of betas.
+    /// Coefficients per Gaussian and channel: (L + 1)², or those of betas.
     pub fn sh_coefficients(&self) -> usize {
         layout::coefficients(self.sh_degree)
     }
@@ -157,7 +157,7 @@ impl Params {
         self.geometry[OPACITY * self.stride + i]
     }
 
-    /// RGB of coefficient k.
+    /// RGB coefficient k.
     pub fn coefficient(&self, i: usize, k: usize) -> [f64; 3] {
         [0, 1, 2].map(|c| self.sh[(3 * k + c) * self.stride + i])
     }

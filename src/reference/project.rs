@@ -1,4 +1,4 @@
-//! Projects every Gaussian into a view (3DGS; EWA splatting, Zwicker 2002).
+//! Twin of `project.comp`: projects every Gaussian into a view (3DGS; EWA splatting, Zwicker 2002).
 //!
 //! params, view → splats, depths, tile counts. One iteration is one thread of the kernel.
 
@@ -10,14 +10,15 @@ use super::{ALPHA_MIN, DILATION, FLOAT_MAX, FLOAT_MIN, Options, Params, Splat, V
 /// A view's Gaussians, all vectors by Gaussian index.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Projected {
-    /// Zero where the Gaussian is not visible.
+    /// Zero if the Gaussian is not visible.
     pub splats: Vec<Splat>,
-    /// Camera z, ∞ where the Gaussian is not visible: what the kernel's `depth_keys` encode.
+    /// Camera z, ∞ if the Gaussian is not visible; the kernel encodes it in `depth_keys`.
     pub depths: Vec<f64>,
-    /// 0 where the Gaussian is not visible.
+    /// 0 if the Gaussian is not visible.
     pub tile_counts: Vec<u32>,
-    /// Which side of its kinks each visible Gaussian is on: bit 0, 1: the Jacobian's x/z, y/z is clamped;
-    /// bit 2, 3, 4: red, green, blue is clamped to 0. Not on the GPU; gradients are one-sided where this changes.
+    /// The side of its kinks that each visible Gaussian is on: bit 0, 1: the Jacobian's x/z, y/z is clamped;
+    /// bit 2, 3, 4: red, green, blue is clamped to 0. Not on the GPU; if a bit changes, gradients are
+    /// one-sided.
     pub kinks: Vec<u8>,
 }
 
@@ -74,7 +75,7 @@ fn project_one(params: &Params, view: &View, options: &Options, i: usize) -> Opt
     Some((splat, kinks))
 }
 
-/// The geometry of a projected Gaussian, which the backward pass computes again.
+/// The geometry of a projected Gaussian, recomputed by the backward pass.
 pub(super) struct Footprint {
     /// Mean in camera space.
     pub p: DVec3,
@@ -93,14 +94,14 @@ pub(super) struct Footprint {
     pub m2: DVec3,
     /// m1 × m2 = cof(S) Rᵀ(jw1 × jw2): in the Gaussian's own axes no component cancels, not even of a needle.
     pub n: DVec3,
-    /// Σ2D = [[a, b], [b, c]] (of which a is only needed through d), its determinant, and the undilated one.
+    /// Σ2D = [[a, b], [b, c]] (a is only needed through d), its determinant, and the undilated one.
     pub b: f64,
     pub c: f64,
     pub d: f64,
     pub d0: f64,
 }
 
-/// None when the Gaussian is not in front of the near plane, has no rotation or no finite footprint.
+/// None if the Gaussian is not in front of the near plane, has no rotation or no finite footprint.
 pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footprint> {
     let p = view.to_camera(params.mean(i));
     if !(p.z > view.near && p.z <= FLOAT_MAX) {
@@ -129,7 +130,8 @@ pub(super) fn footprint(params: &Params, view: &View, i: usize) -> Option<Footpr
     Some(Footprint { p, tx, ty, clamped, jw1, jw2, rotation, scale, m1, m2, n, b, c, d, d0 })
 }
 
-/// The rotation of a quaternion (w, x, y, z) of any length; none for what float32 holds as 0, denormal, infinite or NaN.
+/// The rotation of a quaternion (w, x, y, z) of any length; none if it is 0, denormal, infinite or NaN in
+/// float32.
 pub(super) fn rotation(quat: [f64; 4]) -> Option<DMat3> {
     let largest = quat.iter().fold(0.0, |a: f64, q| a.max(q.abs()));
     let length = quat.iter().map(|q| q * q).sum::<f64>().sqrt();
@@ -144,7 +146,7 @@ pub(super) fn rotation(quat: [f64; 4]) -> Option<DMat3> {
     ))
 }
 
-/// √(det Σ / det(Σ + 0.3 I)) when compensation is on (Mip-Splatting, Yu 2024), else 1.
+/// √(det Σ / det(Σ + 0.3 I)) if compensation is on (Mip-Splatting, Yu 2024), else 1.
 pub(super) fn compensation(f: &Footprint, options: &Options) -> f64 {
     if options.compensate { (f.d0 / f.d).sqrt() } else { 1.0 }
 }

@@ -1,4 +1,5 @@
-//! From gradient records to parameters: sums a Gaussian's records over its slots and goes back through `project`.
+//! Twin of `project_backward.comp`: sums a Gaussian's gradient records and differentiates `project` to get
+//! gradients of its parameters.
 
 use glam::{DMat3, DVec3, DVec4, Vec3Swizzles};
 
@@ -7,18 +8,19 @@ use super::project::{Footprint, compensation, footprint};
 use super::{DILATION, Intersections, Options, Params, Splat, View, harmonics, lobe, sigmoid};
 use crate::scene::layout::{LOG_SCALE, MEAN, OPACITY, QUAT};
 
-/// What a loss's gradient in one view makes of the parameters.
+/// Gradients of a loss in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gradients {
     /// ∂loss/∂parameter, in the parameters' layout.
     pub params: Params,
     /// Records summed over slots, by Gaussian index.
     pub records: Vec<Record>,
-    /// Whether a Gaussian's record has a part that is not zero: it was blended into this view.
+    /// True if a Gaussian's record has a part that is not zero: it was blended into this view.
     pub touched: Vec<bool>,
 }
 
-/// `tile_counts` and `isects` are the forward pass's, `isect_grads` the blend's, by slot.
+/// Gradients from the blend's records. `tile_counts` and `isects` are the forward pass's, `isect_grads` the
+/// blend's, by slot.
 pub fn project_backward(
     params: &Params,
     view: &View,
@@ -32,8 +34,8 @@ pub fn project_backward(
     passing(params, view, options, splats, sum_records(tile_counts, isects, isect_grads), &rises)
 }
 
-/// As [`project_backward`], of the summed records of a `loss_probe`. A probe has no direction, so it passes a clamped channel only while
-/// `known`, the curvature of each Gaussian's constant colour, is 0.
+/// [`project_backward`] for the summed records of a `loss_probe`. A probe has no sign, so a clamped channel
+/// passes it only while `known`, the curvature of the Gaussian's constant colour, is 0.
 pub fn probe_backward(
     params: &Params,
     view: &View,
@@ -45,7 +47,7 @@ pub fn probe_backward(
     passing(params, view, options, splats, records, &|i, c, _| known[i][c] == 0.0)
 }
 
-/// Whether a channel that is clamped at 0 lets its gradient through, by Gaussian, channel and gradient.
+/// Whether a channel clamped at 0 passes its gradient, by Gaussian, channel and gradient.
 type Passes<'a> = &'a dyn Fn(usize, usize, f64) -> bool;
 
 fn passing(
@@ -63,8 +65,8 @@ fn passing(
     }
 }
 
-/// Adds the gradient of `mean_opacity` times the mean of `of_all` Gaussians' opacities and `mean_scale` times that of their scales
-/// (Kheradmand 2024), of the first `count`.
+/// Adds the gradient of `mean_opacity` times the mean of `of_all` Gaussians' opacities and `mean_scale` times
+/// that of their scales (Kheradmand 2024), for the first `count`.
 pub fn regularise(
     params: &Params,
     count: usize,
@@ -96,7 +98,8 @@ pub fn sum_records(tile_counts: &[u32], isects: &Intersections, isect_grads: &[R
     isects.first_slot.iter().zip(tile_counts).map(sum).collect()
 }
 
-/// The sums of the magnitudes of all that makes up a gradient, from those of the records: what rounding errors are relative to.
+/// The sums of the magnitudes of a gradient's terms, from those of the records: rounding errors are relative
+/// to these.
 pub fn magnitudes(params: &Params, view: &View, options: &Options, splats: &[Splat], records: &[Record]) -> Params {
     let mut out = params.zeros_like();
     for part in 0..9 {
@@ -141,7 +144,8 @@ pub fn centre_gradient(splat: &Splat, record: &Record) -> [f64; 2] {
     [splat.l11 * record[0], splat.l12 * record[0] + splat.l22 * record[1]]
 }
 
-/// Log scales and quaternion; returns the mean's part through centre, Σ2D and compensation.
+/// Adds the gradients of log scales and quaternion; returns the mean's part through centre, Σ2D and
+/// compensation.
 #[allow(clippy::too_many_arguments)]
 fn geometry_backward(
     params: &Params,
@@ -154,8 +158,9 @@ fn geometry_backward(
     out: &mut Params,
 ) -> DVec3 {
     // ∂(−½ δᵀQδ)/∂Σ2D = ½ Qδ (Qδ)ᵀ since ∂Q = −Q ∂Σ Q, and Qδ = Lᵀw: so ∂loss/∂Σ2D = ½ Lᵀ(Σ g wwᵀ)L =: H.
-    // Σ2D = MMᵀ + 0.3 I gives ∂loss/∂M = 2HM = Lᵀ (Σ g wwᵀ) N with N = LM, of order 1; all that follows is written in N and LJW
-    // (rows j1, j2), because a needle's rows of M are long and nearly parallel. n1 = l11 m1 + l12 m2 = (c m1 − b m2)/√(cD).
+    // Σ2D = MMᵀ + 0.3 I gives ∂loss/∂M = 2HM = Lᵀ (Σ g wwᵀ) N with N = LM, of order 1. Everything below is
+    // written in N and LJW (rows j1, j2), because a needle's rows of M are long and nearly parallel. n1 = l11
+    // m1 + l12 m2 = (c m1 − b m2)/√(cD).
     let n1 = (f.m2.cross(f.n) + DILATION * f.m1) / (f.c * f.d).sqrt();
     let n2 = f.m2 / f.c.sqrt();
     let k1 = record[3] * n1 + record[4] * n2;
@@ -192,7 +197,8 @@ fn geometry_backward(
         out.geometry[(QUAT + k) * params.stride + i] = grad;
     }
 
-    // JW is proportional to 1/z: nearer by a factor is larger by it, so the part of z is minus that of all log scales.
+    // JW is proportional to 1/z: a Gaussian nearer by a factor appears larger by it, so the z part is minus
+    // the sum over all log scales.
     let z = f.p.z;
     let mut p_grad = DVec3::new(0.0, 0.0, -log_scale_grad.element_sum() / z);
     if !f.clamped.0 {
@@ -212,14 +218,14 @@ fn geometry_backward(
     view.rotation().transpose() * p_grad
 }
 
-/// Of the colour before it is clamped. A channel that max(0, ·) clamped is exactly 0; it has the gradient that `passes`, which is not the
-/// derivative.
+/// The gradient by the colour before it is clamped. A channel that max(0, ·) clamped is exactly 0; it gets a
+/// gradient if `passes`, which is not the derivative.
 fn color_gradient(splat: &Splat, record: &Record, i: usize, passes: Passes<'_>) -> [f64; 3] {
     let color = splat.color();
     [0, 1, 2].map(|c| if color[c] > 0.0 || passes(i, c, record[6 + c]) { record[6 + c] } else { 0.0 })
 }
 
-/// SH coefficients; returns the mean's part through the viewing direction.
+/// Adds the gradients of SH coefficients; returns the mean's part through the viewing direction.
 fn color_backward(
     params: &Params,
     view: &View,
@@ -235,7 +241,7 @@ fn color_backward(
     (direction_grad - direction * direction.dot(direction_grad)) / distance
 }
 
-/// Logit and lobe; returns the mean's part through the lobe.
+/// Adds the gradients of logit and lobe; returns the mean's part through the lobe.
 #[allow(clippy::too_many_arguments)]
 fn opacity_backward(
     params: &Params,
@@ -261,13 +267,13 @@ fn opacity_backward(
     factor_grad * lobe.mean
 }
 
-/// a bᵀ.
+/// The outer product a bᵀ.
 fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// ∂/∂(w, x, y, z) of the quaternion as stored, from ∂/∂R: through R(q̂), then through q̂ = q/|q|, which
-/// takes out the part along q̂ and divides by |q|.
+/// ∂/∂(w, x, y, z) of the stored quaternion, from ∂/∂R: through R(q̂), then through q̂ = q/|q|, which removes
+/// the part along q̂ and divides by |q|.
 fn quat_backward(quat: [f64; 4], grad: DMat3) -> [f64; 4] {
     let q = DVec4::from_array(quat);
     let length = q.length();

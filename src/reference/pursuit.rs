@@ -1,4 +1,4 @@
-//! What the twins of residual pursuit share: `glsl/shared/pursuit.glsl` in float64.
+//! Twin of `glsl/shared/pursuit.glsl`: types and helpers of residual pursuit in float64.
 
 use std::f64::consts::PI;
 
@@ -20,21 +20,22 @@ pub(crate) const WHOLE: f64 = 65536.0;
 pub(super) const WIDEST: f64 = 3.2;
 pub(super) const SAME_DEPTH: f64 = 0.05;
 
-/// What a footprint meets, sRGB: means of photograph minus render and of the render, and what varies about them.
+/// Statistics of a view beneath a footprint, sRGB: means of photograph minus render and of the render, and
+/// their covariance and variance.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Texel {
-    /// Photograph minus render; 0 where the pixel does not count.
+    /// Photograph minus render; 0 if the pixel does not count.
     pub difference: DVec3,
     /// 0 to 1.
     pub render: DVec3,
-    /// Of difference and render, summed over channels.
+    /// Covariance of difference and render, summed over channels.
     pub covariance: f64,
-    /// Of the render, summed over channels.
+    /// Variance of the render, summed over channels.
     pub variance: f64,
 }
 
 impl Texel {
-    /// As four words of two halves hold it.
+    /// Unpacks four words of two halves each.
     pub fn unpack(t: &types::Texel) -> Self {
         let halves = |word: u32| [word as u16, (word >> 16) as u16].map(|bits| f16::from_bits(bits).to_f64());
         let ([a, b], [c, d], [e, f]) = (halves(t.difference_rg), halves(t.difference_b_render_r), halves(t.render_gb));
@@ -79,13 +80,13 @@ pub struct Candidate {
     pub mean: DVec3,
     /// Unit, to the camera of the view that it was drawn in.
     pub toward: DVec3,
-    /// Scene units that a pixel of that view covers at its depth.
+    /// Scene units that a pixel covers at its depth, in the view that it was drawn in.
     pub px: f64,
     /// Angle to the nearest other training view, radians.
     pub theta_bar: f64,
     /// [`NONE`]: no candidate.
     pub view: u32,
-    /// Of that view, rows from the top.
+    /// Pixel of that view, rows from the top.
     pub pixel: u32,
 }
 
@@ -110,7 +111,7 @@ pub struct Fit {
     pub sigma: f64,
     /// 0 to 1.
     pub opacity: f64,
-    /// T of the lobe; 0: none.
+    /// T of the lobe; 0: no lobe.
     pub width: f64,
     /// sRGB.
     pub colour: DVec3,
@@ -118,7 +119,7 @@ pub struct Fit {
     pub gain: f64,
     /// C of [`super::pursuit_score`].
     pub support: f64,
-    /// What the best without a lobe gains; 0: nothing.
+    /// Gain of the best fit without a lobe; 0: none.
     pub plain: f64,
 }
 
@@ -136,36 +137,36 @@ impl From<&types::Fit> for Fit {
     }
 }
 
-/// How a view sees a candidate.
+/// A candidate as seen in one view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sight {
     /// Pixels.
     pub at: DVec2,
-    /// The one that `at` lies in, rows from the top.
+    /// The pixel that contains `at`, rows from the top.
     pub pixel: u32,
     /// Camera z.
     pub z: f64,
-    /// Between this camera and the one of the view that the candidate was drawn in.
+    /// Angle between this camera and the camera that the candidate was drawn in.
     pub theta: f64,
 }
 
-/// The views of a page and what is known of them.
+/// The views of a page and their data.
 #[derive(Debug, Clone, Copy)]
 pub struct Ground<'a> {
-    /// Of all training views.
+    /// All training views.
     pub views: &'a [View],
-    /// Where texels, pixels, cells and blocks of each view begin.
+    /// First texel, pixel, cell and block of each view.
     pub plots: &'a [Plot],
-    /// Of the page.
+    /// Depths of the page's pixels.
     pub surface_depths: &'a [f64],
-    /// Of the page; may be empty where nobody looks.
+    /// Texels of the page; may be empty if no function reads them.
     pub texels: &'a [Texel],
-    /// First and end.
+    /// First view of the page, and end.
     pub range: (u32, u32),
 }
 
 impl Ground<'_> {
-    /// `None` where the view does not see the candidate.
+    /// `None` if the view does not see the candidate.
     pub fn sees(&self, v: u32, c: &Candidate) -> Option<Sight> {
         let view = &self.views[v as usize];
         let (at, z) = project_point(view, c.mean)?;
@@ -184,7 +185,7 @@ impl Ground<'_> {
         (first..end).filter_map(|v| Some((v, self.sees(v, c)?)))
     }
 
-    /// What a footprint of about `deviation` px meets.
+    /// The view's statistics beneath a footprint of about `deviation` px.
     pub fn look(&self, v: u32, at: DVec2, deviation: f64) -> Texel {
         let view = &self.views[v as usize];
         let k = ((deviation / FIRST_BLUR).log2() + 0.5).floor().clamp(0.0, f64::from(LEVELS - 1)) as u32;
@@ -203,14 +204,16 @@ impl Ground<'_> {
         sum
     }
 
-    /// What a fit does in a view: its α, the texel that it meets, and its deviation in pixels. `None` outside of its lobe.
+    /// A fit in one view: its α, the texel beneath it, and its deviation in pixels. `None` outside of its
+    /// lobe.
     pub fn meets(&self, v: u32, s: &Sight, fit: &Fit) -> Option<(f64, Texel, f64)> {
         let alpha = fit.opacity * lobe_factor(s.theta, fit.width);
         let deviation = footprint_px(&self.views[v as usize], s.z, fit.sigma);
         (alpha > 0.0).then(|| (alpha, self.look(v, s.at, deviation), deviation))
     }
 
-    /// The pixels within `px` of a candidate's, and what it takes to make that a whole number: first and last column and row, as [x, y, x, y].
+    /// The pixels within `px` of a candidate's pixel, rounded up to a whole number: first and last column and
+    /// row, as [x, y, x, y].
     pub fn window(&self, v: u32, s: &Sight, px: f64) -> [u32; 4] {
         let View { width, height, .. } = self.views[v as usize];
         let (x, y, reach) = (s.pixel % width, s.pixel / width, (px - WINDOW_SLACK).ceil() as u32);
@@ -236,12 +239,13 @@ pub fn lobe_factor(theta: f64, width: f64) -> f64 {
     if psi < PI { 0.5 * (psi.cos() + 1.0) } else { 0.0 }
 }
 
-/// T of width w of [`WIDTHS`]; 0 for none.
+/// T of width w of [`WIDTHS`]; 0 for no lobe.
 pub fn lobe_width(w: u32, theta_bar: f64) -> f64 {
     if w == WIDTHS - 1 { 0.0 } else { (2f64.powi(w as i32 - 1) * 7.0 * theta_bar / PI).clamp(0.01, 1.0) }
 }
 
-/// Scene units of a Gaussian that covers `size` px where a pixel covers `px` scene units.
+/// Standard deviation, in scene units, of a Gaussian that covers `size` px if a pixel covers `px` scene
+/// units.
 pub fn sigma_of(size: f64, px: f64) -> f64 {
     (size * size - DILATION).max(0.1).sqrt() * px
 }
@@ -261,7 +265,7 @@ pub(super) fn project_point(view: &View, mean: DVec3) -> Option<(DVec2, f64)> {
     inside.then_some((at, z))
 }
 
-/// Standard deviation in pixels of a view of a round Gaussian of `sigma` scene units.
+/// Standard deviation, in a view's pixels, of a round Gaussian of `sigma` scene units.
 pub fn footprint_px(view: &View, z: f64, sigma: f64) -> f64 {
     let px = sigma * view.fx / z;
     (px * px + DILATION).sqrt().min(WIDEST)

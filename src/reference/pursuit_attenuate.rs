@@ -1,15 +1,16 @@
-//! What a chosen candidate explains is no longer there for others.
+//! Twin of `pursuit_attenuate.comp`: marks the part of the residual that a chosen candidate explains, so that
+//! others cannot gain it again.
 
 use glam::DVec2;
 
 use super::pursuit::{Candidate, Fit, Ground, REACH, WHOLE};
 
-/// With twice as much as there is, as much is lacking as before.
+/// Largest share of a residual: at twice the residual, as much is missing as before.
 const MOST: f64 = 2.0;
-/// Square of a residual that is none: a quarter of a step of 8 bits.
+/// Smallest squared residual that counts: a quarter of a step of 8 bits.
 const LEAST: f64 = 1e-6;
 
-/// Adds to `explained`, by pixel of the page.
+/// Adds the candidate's part to `explained`, by pixel of the page.
 pub fn pursuit_attenuate(ground: &Ground<'_>, c: &Candidate, fit: &Fit, explained: &mut [u32]) {
     for (v, s) in ground.sights(c) {
         let Some((alpha, t, deviation)) = ground.meets(v, &s, fit) else { continue };

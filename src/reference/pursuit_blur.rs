@@ -1,10 +1,11 @@
-//! A level of a view's pyramid.
+//! Twin of `pursuit_blur.comp`: computes a level of a view's pyramid.
 
 use glam::DVec2;
 
 use super::pursuit::{FIRST_BLUR, NEXT_BLUR, Texel};
 
-/// `width` × `height` texels from the `from_size` ones of the level below, with `halve`, or of the view itself.
+/// Computes `width` × `height` texels from the `from_size` ones of the level below, with `halve`, or of the
+/// view itself.
 pub fn pursuit_blur(from: &[Texel], from_size: [u32; 2], [width, height]: [u32; 2], halve: bool) -> Vec<Texel> {
     let (across, deviation) = if halve { (8, NEXT_BLUR) } else { (5, FIRST_BLUR) };
     let [from_width, from_height] = from_size.map(i64::from);
@@ -19,7 +20,7 @@ pub fn pursuit_blur(from: &[Texel], from_size: [u32; 2], [width, height]: [u32; 
                 let d = DVec2::new(u as f64 + 0.5 - middle(x), v as f64 + 0.5 - middle(y)) / deviation;
                 let weight = (-0.5 * d.length_squared()).exp();
                 let t = &from[(v * from_width + u) as usize];
-                // Second moments, until the means are known.
+                // Raw second moments, until the means are known.
                 let covariance = t.covariance + t.difference.dot(t.render);
                 sum.add(weight, &Texel { covariance, variance: t.variance + t.render.length_squared(), ..*t });
                 total += weight;
@@ -38,7 +39,7 @@ mod tests {
 
     use super::*;
 
-    /// Of one bright texel far from the border the levels have the variances that the method names.
+    /// For one bright texel far from the border the levels have the variances that the method names.
     #[test]
     fn levels_have_their_deviations() {
         let size = 64u32;
@@ -64,7 +65,7 @@ mod tests {
         }
     }
 
-    /// What varies within a texel of any level is what varies in the image under the level's whole weight.
+    /// The variance within a texel of any level is the image's variance under the level's whole weight.
     #[test]
     fn variances_of_levels_are_those_of_the_image() {
         let size = 64u32;
@@ -81,7 +82,8 @@ mod tests {
         let (mut total, mut weights) = (Texel::default(), 0.0);
         let tap = |d: f64, deviation: f64| (-0.5 * (d / deviation).powi(2)).exp();
         let across = |p: u32| -> f64 {
-            // Of a pixel: over the texels of the first level that the second is made from, each of weights that sum to 1.
+            // Weight of a pixel: over the texels of the first level from which the second is computed, each
+            // with weights that sum to 1.
             let norm = |deviation: f64, reach: f64, offset: f64| {
                 let mut sum = 0.0;
                 let mut d = offset - reach;

@@ -1,9 +1,10 @@
-//! Candidates claim the cells that they would change most; whoever gains most has them.
+//! Twin of `pursuit_claim.comp`: candidates claim the cells that they would change most; the largest gain
+//! wins a cell.
 
 use super::pursuit::{CORE, Candidate, Fit, Ground, footprint_px, lobe_factor};
 use crate::stages::constants::pursuit::CELL;
 
-/// The cells of a page that a candidate asks for.
+/// The cells of a page that a candidate claims.
 pub fn cells(ground: &Ground<'_>, c: &Candidate, fit: &Fit) -> Vec<usize> {
     let mut cells = Vec::new();
     for (v, s) in ground.sights(c) {
@@ -22,14 +23,14 @@ pub fn cells(ground: &Ground<'_>, c: &Candidate, fit: &Fit) -> Vec<usize> {
     cells
 }
 
-/// Claims for a candidate of gain `gain`, whose bits order as it does.
+/// Claims cells for a candidate of gain `gain`, whose bits order like the number.
 pub fn pursuit_claim(cells: &[usize], gain: f32, claims: &mut [u32]) {
     for &cell in cells.iter().filter(|_| gain > 0.0) {
         claims[cell] = claims[cell].max(gain.to_bits());
     }
 }
 
-/// Whether it lost one of its cells.
+/// True if the candidate lost one of its cells.
 pub fn beaten(cells: &[usize], gain: f32, claims: &[u32]) -> bool {
     gain > 0.0 && cells.iter().any(|&cell| claims[cell] > gain.to_bits())
 }

@@ -1,4 +1,5 @@
-//! Pixels of all views in proportion to their squared error, and a candidate on each.
+//! Twin of `pursuit_draw.comp`: draws pixels of all views in proportion to their squared error, and places a
+//! candidate on each.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -10,28 +11,28 @@ use super::{
 };
 use crate::stages::{constants::pursuit::ERROR_BLOCK, types::Plot};
 
-/// What candidates are drawn from.
+/// The pixels from which candidates are drawn, with their errors.
 #[derive(Debug, Clone, Copy)]
 pub struct Drawn<'a> {
-    /// Of all training views.
+    /// All training views.
     pub views: &'a [View],
-    /// Where texels, pixels, cells and blocks of each view begin.
+    /// First texel, pixel, cell and block of each view.
     pub plots: &'a [Plot],
-    /// By block, of all views: share, and where it begins.
+    /// Each block's share, for all views.
     pub quanta: &'a [u32],
-    /// See `quanta`.
+    /// Exclusive prefix sum of `quanta`.
     pub quanta_firsts: &'a [u32],
     /// Sum of all shares.
     pub total: u32,
-    /// Of each block, of all views.
+    /// Sum of the errors of each block, for all views.
     pub error_sums: &'a [f64],
-    /// By pixel of the page.
+    /// Error by pixel of the page.
     pub errors: &'a [f64],
     /// Median depth by pixel of the page, camera z; 0: none.
     pub surface_depths: &'a [f64],
-    /// Views and blocks of the page, first and end.
+    /// Views of the page, first and end.
     pub page_views: (u32, u32),
-    /// See `page_views`.
+    /// Blocks of the page, first and end.
     pub page_blocks: (u32, u32),
 }
 
@@ -47,8 +48,8 @@ fn hash(i: u32, seed: u32) -> u32 {
 }
 
 impl Drawn<'_> {
-    /// The view and the pixel of draw i of `count`, if its block is of this page. `late` is added to the place within the block, as a share of
-    /// its errors: how near a draw is to another pixel.
+    /// The view and the pixel of draw i of `count`, if its block is in this page. `late` is added to the
+    /// position within the block, as a share of its errors: it shows how near a draw is to another pixel.
     pub fn pixel(&self, i: u32, count: u32, seed: u32, late: f64) -> Option<(u32, u32)> {
         let (each, rest) = (self.total / count, self.total % count);
         let part = each + u32::from(i < rest);
@@ -104,7 +105,7 @@ impl Drawn<'_> {
     }
 }
 
-/// Draw i of `count`: `None` where it is of another page, or of nothing.
+/// Draw i of `count`: `None` if it belongs to another page or has no pixel.
 pub fn pursuit_draw(from: &Drawn<'_>, i: u32, count: u32, seed: u32) -> Option<Candidate> {
     let (v, pixel) = from.pixel(i, count, seed, 0.0)?;
     from.candidate(v, pixel)
@@ -117,7 +118,8 @@ mod tests {
     use super::*;
     use crate::reference::{pursuit_quanta::pursuit_quanta, random_camera};
 
-    /// As many draws of each pixel as its share of the errors says, to within one: draws are one of each of equal parts.
+    /// Each pixel is drawn in proportion to its share of the errors, to within one: each draw covers one of
+    /// equal parts.
     #[test]
     fn pixels_are_drawn_in_proportion_to_their_errors() {
         let views: Vec<View> = [(20, 16), (7, 5)].map(|(w, h)| View::from_camera(&random_camera(w, h))).to_vec();
@@ -150,7 +152,7 @@ mod tests {
         for (p, share) in wanted {
             assert!((f64::from(found[p]) - share * f64::from(count)).abs() <= 2.0, "{p}: {} of {share}", found[p]);
         }
-        // The second page alone has what is of its blocks.
+        // The second page gives only the draws of its own blocks.
         let second = Drawn { page_views: (1, 2), page_blocks: (2, 3), ..from };
         let drawn = (0..count).filter(|&i| second.pixel(i, count, 9, 0.0).is_some()).count();
         assert!((298..=302).contains(&drawn), "{drawn}");

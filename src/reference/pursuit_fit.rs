@@ -1,4 +1,5 @@
-//! The size, lobe width, opacity and colour of a candidate that gain most over all views.
+//! Twin of `pursuit_fit.comp`: finds the size, lobe width, opacity and colour of a candidate with the largest
+//! gain over all views.
 
 use glam::DVec3;
 
@@ -14,7 +15,7 @@ const OPACITY_MIN: f64 = 0.1;
 const OPACITY_MAX: f64 = 0.95;
 const ROUNDS: usize = 3;
 
-/// What gains most of one size and width; `None` where no view is within the lobe.
+/// The opacity and colour with the largest gain for one size and width; `None` if no view is within the lobe.
 pub fn best_of(x: &[f64; SUMS as usize]) -> Option<(f64, DVec3, f64)> {
     let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
     if !(x[6] > 0.0) {
@@ -32,13 +33,14 @@ pub fn best_of(x: &[f64; SUMS as usize]) -> Option<(f64, DVec3, f64)> {
     Some((opacity, colour, gain))
 }
 
-/// What a gain counts beside one without doubt: less by so many of its standard errors, where views gain in proportion to a l².
+/// Factor of a gain after subtracting `doubt` of its standard errors, if views gain in proportion to a l².
 pub fn certain(x: &[f64; SUMS as usize], doubt: f64) -> f64 {
     1.0 - doubt * x[9].sqrt() / x[6]
 }
 
-/// `sums` by size; sizes in pixels of the view that the candidate was drawn in. `worth` is what a gain counts with a lobe and without,
-/// `doubt` how many of its standard errors it counts less.
+/// Finds the best fit. `sums` are by size, sizes in pixels of the view that the candidate was drawn in.
+/// `worth` is the factor of a gain with a lobe and without, `doubt` the number of standard errors subtracted
+/// from it.
 pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2], doubt: f64) -> Fit {
     let (mut best, mut most, mut plain) = (Fit::default(), 0.0, 0.0f64);
     for (sums, &size) in sums.iter().zip(sizes) {
@@ -105,7 +107,7 @@ mod tests {
                 .flat_map(move |r| steps(20).flat_map(move |g| steps(20).map(move |b| brute(o, DVec3::new(r, g, b)))))
         });
         let most = grid.fold(f64::MIN, f64::max);
-        // Three turns leave a little: the gain is flat along opacity times contrast.
+        // Three rounds leave a little: the gain is flat along opacity times contrast.
         assert!(gain > 0.98 * most, "{gain} of {most}");
     }
 
@@ -126,19 +128,19 @@ mod tests {
         let [lobes, plain, none] =
             [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]].map(|worth| pursuit_fit(&c, &all, &[1.0, 2.0], worth, 0.0));
         assert!(lobes.width > 0.0 && plain.width == 0.0 && plain.gain == lobes.gain && none.gain == 0.0);
-        // Known whatever is taken.
+        // Reported for any choice.
         assert_eq!([lobes.plain, plain.plain, none.plain], [plain.gain; 3]);
-        // The first of equals.
+        // The first of equal fits.
         assert_eq!(plain.sigma, sigma_of(1.0, 0.01));
     }
 
-    /// Four views of equal weight know a gain to half of itself; one alone does not know it at all.
+    /// With four views of equal weight the standard error is half the gain; with one it is all of it.
     #[test]
     fn what_few_views_gain_counts_less() {
         let of_views = |n: f64| std::array::from_fn(|q| if q == 6 { n * 5.0 } else { n * 25.0 });
         assert_eq!([1.0, 4.0, 100.0].map(|n| certain(&of_views(n), 1.0)), [0.0, 0.5, 0.9]);
         assert_eq!(certain(&of_views(1.0), 0.0), 1.0);
-        // A lobe that gains a tenth more in one view alone than a plain Gaussian in all is not taken.
+        // A lobe that gains a tenth more in one view than a plain Gaussian in all views is not taken.
         let c = Candidate { mean: DVec3::ZERO, toward: DVec3::X, px: 0.01, theta_bar: 0.2, view: 0, pixel: 0 };
         let alone = |size: f64| {
             let mut x = sums();

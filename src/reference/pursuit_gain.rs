@@ -1,4 +1,5 @@
-//! What a candidate still gains, given what the choices so far have explained.
+//! Twin of `pursuit_gain.comp`: a candidate's remaining gain, given the part of the residual that earlier
+//! choices explain.
 
 use std::f64::consts::PI;
 
@@ -6,7 +7,7 @@ use glam::DVec3;
 
 use super::pursuit::{Candidate, Fit, Ground, WHOLE};
 
-/// Over the views of a page, and the sum of squares; `explained` by pixel of the page.
+/// The gain over the views of a page, and the sum of squares; `explained` by pixel of the page.
 pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: &Fit, caution: f64) -> [f64; 2] {
     let one = |(v, s)| {
         let (alpha, t, deviation) = ground.meets(v, &s, fit)?;
@@ -72,7 +73,8 @@ mod tests {
         (0..3 * TEXELS).map(one).collect()
     }
 
-    /// The nine sums give the fall of the squared error, view by view, of any opacity, colour, size and width.
+    /// The sums give the decrease of the squared error, view by view, for any opacity, colour, size and
+    /// width.
     #[test]
     fn the_sums_say_what_each_view_gains() {
         let (views, plots, c) = scene();
@@ -115,7 +117,8 @@ mod tests {
             Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0, support: 1.0, plain: 0.0 };
         let mut explained = vec![0; 256];
         let before = pursuit_gain(&ground, &explained, &c, &fit, 0.0)[0];
-        // s² = (0.1 · 20 / 2)² + 0.3 px². An even residual of 0.4 is that of a footprint which is 0.8 in the middle; a quarter is explained.
+        // s² = (0.1 · 20 / 2)² + 0.3 px². A uniform residual of 0.4 is that of a footprint that is 0.8 in the
+        // middle; a quarter is explained.
         assert!((before - PI * 1.3 * (0.8f64.powi(2) - 0.6f64.powi(2))).abs() < 1e-12, "{before}");
         pursuit_attenuate(&ground, &c, &fit, &mut explained);
         assert_eq!(explained[c.pixel as usize], WHOLE as u32 / 4);
@@ -131,14 +134,15 @@ mod tests {
         assert_eq!(explained[c.pixel as usize], WHOLE as u32);
         let fifth = pursuit_gain(&ground, &explained, &c, &fit, 0.0)[0];
         assert!((fifth + PI * 1.3 * 0.2f64.powi(2)).abs() < 1e-12, "{fifth}");
-        // What goes the wrong way explains nothing, though it is a loss.
+        // A change in the wrong direction explains nothing, though it is a loss.
         let worse = Fit { colour: DVec3::Y, ..fit };
         let mut same = explained.clone();
         pursuit_attenuate(&ground, &c, &worse, &mut same);
         assert!(same == explained && pursuit_gain(&ground, &[0; 256], &c, &worse, 0.0)[0] < 0.0);
     }
 
-    /// A gain is the fall of the squared error of the image that the Gaussian is blended over, what it hides of the texture included.
+    /// A gain is the decrease of the squared error of the image under the Gaussian, including the texture
+    /// that it hides.
     #[test]
     fn a_gain_is_the_fall_of_the_squared_error() {
         const SIDE: u32 = 64;
@@ -155,7 +159,7 @@ mod tests {
             translation,
         });
         let depth = 2.0;
-        // A board of light and dark pixels, upon which the residual depends too.
+        // A checkerboard of light and dark pixels, with a residual that depends on it.
         let board = |i: u32| if (i % SIDE + i / SIDE).is_multiple_of(2) { 1.0 } else { -1.0 };
         let (mean_r, mean_b) = (DVec3::new(0.05, -0.03, 0.02), DVec3::new(0.5, 0.4, 0.6));
         let image: Vec<Texel> = (0..SIDE * SIDE)
@@ -194,7 +198,8 @@ mod tests {
                     t.difference.length_squared() - (t.difference - alpha * (colour - t.render)).length_squared()
                 };
                 let fell: f64 = (0..SIDE * SIDE).map(fall).sum();
-                // A board's mean under 1.4 px is its own mean to within 1e-4, that under their squares, 1 px, to within 1 %.
+                // A checkerboard's mean under 1.4 px is its own mean to within 1e-4; under the squared
+                // weights, 1 px, to within 1 %.
                 let scale = PI * deviation * deviation * (opacity * opacity * 0.12 + opacity * 0.04);
                 assert!((found - fell).abs() < 0.03 * scale, "{deviation} {opacity}: {found} {fell}");
                 assert_eq!(fell > 0.0, gains, "{deviation} {opacity}: {fell}");
@@ -202,7 +207,8 @@ mod tests {
         }
     }
 
-    /// Only what lies 5 % and more behind a view's own surface is hidden; the view that drew it sees it always.
+    /// Only candidates 5 % and more behind a view's own surface are hidden; the view that drew one always
+    /// sees it.
     #[test]
     fn what_hovers_is_seen_and_what_lies_behind_is_not() {
         let (views, plots, c) = scene();
@@ -216,7 +222,7 @@ mod tests {
         assert_eq!([1.0, 1.9].map(seen), [(); 2].map(|()| vec![0]));
     }
 
-    /// Between four texels, each of which counts by the overlap.
+    /// Interpolates between four texels, weighted by their overlap.
     #[test]
     fn a_look_is_between_four_texels() {
         let (views, plots, _) = scene();

@@ -1,4 +1,4 @@
-//! Chosen candidates as Gaussians.
+//! Twin of `pursuit_place.comp`: turns chosen candidates into Gaussians.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use super::{
     pursuit::{Candidate, Fit},
 };
 
-/// One that was chosen. With `width` 0 it is plain.
+/// The Gaussian of a chosen candidate. With `width` 0 it is plain.
 pub fn pursuit_place(c: &Candidate, fit: &Fit) -> Lift {
     let sh_c0 = 0.5 / PI.sqrt();
     Lift {

@@ -1,8 +1,8 @@
-//! Each block's share of the squared error as a whole number.
+//! Twin of `pursuit_quanta.comp`: each block's share of the squared error as an integer.
 
 use super::FLOAT_MAX;
 
-/// ⌊2³⁰ · sum / total⌋; all 0 where the total is 0, infinite or NaN.
+/// ⌊2³⁰ · sum / total⌋; all 0 if the total is 0, infinite or NaN.
 pub fn pursuit_quanta(error_sums: &[f64]) -> Vec<u32> {
     let total: f64 = error_sums.iter().sum();
     let usable = total > 0.0 && total <= FLOAT_MAX;

@@ -1,26 +1,26 @@
-//! What a view's render lacks of its photograph.
+//! Twin of `pursuit_residual.comp`: compares a view's render with its photograph.
 
 use glam::DVec3;
 
 use super::{FLOAT_MAX, NEAR, pursuit::Texel};
 use crate::stages::constants::pursuit::ERROR_BLOCK;
 
-/// By pixel, and the sum of the errors of each block of [`ERROR_BLOCK`].
+/// Residual by pixel, and the sum of the errors of each block of [`ERROR_BLOCK`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Residual {
-    /// Of the finest level.
+    /// Texels of the finest level.
     pub texels: Vec<Texel>,
     /// Camera z; 0: none.
     pub depths: Vec<f64>,
-    /// Squares of the mean difference; 0 where there is no depth.
+    /// Squares of the mean difference; 0 if there is no depth.
     pub errors: Vec<f64>,
-    /// Of each block.
+    /// Sum of errors of each block.
     pub sums: Vec<f64>,
-    /// Squared differences over channels of each block, depth or not.
+    /// Squared differences over channels of each block, including pixels without a depth.
     pub squares: Vec<f64>,
 }
 
-/// `targets` are 8-bit RGBA, alpha 0 where a pixel does not count; `depths` camera z, 0 for none.
+/// Compares them. `targets` are 8-bit RGBA, alpha 0 if a pixel does not count; `depths` camera z, 0 for none.
 pub fn pursuit_residual(image: &[[f64; 4]], targets: &[u32], depths: &[f64]) -> Residual {
     let (mut out, mut squares) = (Residual::default(), Vec::with_capacity(image.len()));
     for ((pixel, &target), &depth) in image.iter().zip(targets).zip(depths) {
@@ -57,7 +57,7 @@ mod tests {
         );
         let error = (1.25f64 / 3.0).powi(2);
         assert_eq!((found.errors, found.sums), (vec![error, 0.0, 0.0, 0.0], vec![error]));
-        // The last has no depth, but its error is one.
+        // The last pixel has no depth, but its squared error counts.
         assert_eq!(found.squares, [2.0 * (0.75f64.powi(2) + 0.25)]);
         assert_eq!(found.depths, [1.0, 1.0, 1.0, 0.0]);
         assert_eq!((found.texels[1].difference, found.texels[2].render), (DVec3::ZERO, DVec3::ZERO));

@@ -1,4 +1,5 @@
-//! The sums from which a candidate's best colour, opacity and gain follow for a size and every lobe width.
+//! Twin of `pursuit_score.comp`: the sums from which a candidate's best colour, opacity and gain follow for a
+//! size and every lobe width.
 
 use std::f64::consts::PI;
 
@@ -8,7 +9,7 @@ use crate::stages::constants::pursuit::{SUMS, WIDTHS};
 /// A (rgb), B (rgb), C, D, E and Σ (a l²)² of the method, section 7, by width; over the views of a page.
 pub type Sums = [[f64; SUMS as usize]; WIDTHS as usize];
 
-/// For a round Gaussian of `sigma` scene units.
+/// The sums for a round Gaussian of `sigma` scene units.
 pub fn pursuit_score(ground: &Ground<'_>, c: &Candidate, sigma: f64) -> Sums {
     let mut sums = Sums::default();
     for (v, s) in ground.sights(c) {

@@ -1,9 +1,9 @@
-//! Twin of `radix_downsweep.comp`.
+//! Twin of `radix_downsweep.comp`: moves pairs to their places in a radix sort pass.
 
 use super::radix_upsweep::{NO_KEY, digit_of};
 
-/// One pass: pairs in the order of their digit, pairs of equal digit in their old order. `None` for the values: the value of a key
-/// is its index. With `compact`, keys of [`NO_KEY`] are dropped.
+/// One pass: returns the pairs in the order of their digit, pairs of equal digit in their old order. Without
+/// values the value of a key is its index. With `compact`, keys of [`NO_KEY`] are dropped.
 pub fn radix_downsweep(
     (keys, values): (&[u32], Option<&[u32]>),
     compact: bool,

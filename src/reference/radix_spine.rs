@@ -1,6 +1,7 @@
-//! Twin of `radix_spine.comp`.
+//! Twin of `radix_spine.comp`: prefix sums of the blocks' digit counts.
 
-/// Per block and digit, how many keys with the digit lie in earlier blocks; and how many there are of each digit.
+/// For each block and digit, the number of keys with the digit in earlier blocks; and the total of each
+/// digit.
 pub fn radix_spine(block_counts: &[u32], bits: u32) -> (Vec<u32>, Vec<u32>) {
     let mut totals = vec![0; 1 << bits];
     let mut before = Vec::with_capacity(block_counts.len());

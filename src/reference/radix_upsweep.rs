@@ -1,6 +1,6 @@
-//! Twin of `radix_upsweep.comp`.
+//! Twin of `radix_upsweep.comp`: counts each digit in each block.
 
-/// What stands for no key in a compacting pass.
+/// Marks a missing key in a compacting pass.
 pub const NO_KEY: u32 = u32::MAX;
 
 /// The digit of `bits` bits from bit `shift` on.
@@ -8,7 +8,7 @@ pub fn digit_of(key: u32, shift: u32, bits: u32) -> usize {
     (key >> shift & ((1 << bits) - 1)) as usize
 }
 
-/// How often each digit occurs in each block of `block` keys: element `b << bits | digit`. With `compact`, keys of
+/// Counts each digit in each block of `block` keys: element `b << bits | digit`. With `compact`, keys of
 /// [`NO_KEY`] are not counted.
 pub fn radix_upsweep(keys: &[u32], shift: u32, bits: u32, compact: bool, block: usize) -> Vec<u32> {
     let mut counts = Vec::with_capacity(keys.len().div_ceil(block) << bits);

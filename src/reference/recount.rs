@@ -1,4 +1,4 @@
-//! Where segments begin and which dispatches their pages want.
+//! Twin of `recount.comp`: the first index of each segment and the dispatches over its pages.
 
 use super::dispatch_args::dispatch_args;
 use crate::stages::{
@@ -7,20 +7,20 @@ use crate::stages::{
     types::Page,
 };
 
-/// What follows from the segments' counts.
+/// Results derived from the segments' counts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recounted {
-    /// Kept within the pages' capacity.
+    /// Clamped to the pages' capacity.
     pub counts: [u32; SEGMENTS as usize],
     /// Index of each segment's first Gaussian, and the number of all.
     pub population: [u32; SEGMENTS as usize + 1],
-    /// Workgroups: of each page, then of the blocks up to the end of each segment.
+    /// Workgroups: for each page, then for the blocks up to the end of each segment.
     pub args: Vec<u32>,
-    /// With what the segments had no room for.
+    /// Reports segments that exceed their capacity.
     pub status: Status,
 }
 
-/// `counts` are before anything is kept within the capacity.
+/// Computes them. `counts` are not yet clamped to the capacity.
 pub fn recount(
     counts: [u32; SEGMENTS as usize],
     pages: &[Page],

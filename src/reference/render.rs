@@ -1,4 +1,4 @@
-//! All stages of the forward and the backward pass in their order.
+//! Renders a view and differentiates it: all stages of the forward and the backward pass in their order.
 
 use super::blend::{Blended, blend};
 use super::blend_backward::blend_backward;
@@ -10,16 +10,16 @@ use super::tile_ranges::tile_ranges;
 use super::tiles::Tiling;
 use super::{Background, Params, View};
 
-/// How a scene is rendered.
+/// Rendering options of the twins.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// What of the colours to evaluate, as [`part`](crate::scene::color::ColorModel::part) has it; coefficients beyond it get no gradient.
     pub active_degree: u32,
     /// Mip-Splatting's opacity compensation.
     pub compensate: bool,
-    /// Pixels of a tile; 0 counts as 1.
+    /// Width of a tile, pixels; 0 counts as 1.
     pub tile_width: u32,
-    /// Pixels of a tile; 0 counts as 1.
+    /// Height of a tile, pixels; 0 counts as 1.
     pub tile_height: u32,
     /// Transmittance below which a pixel has its median Gaussian.
     pub median_threshold: f64,
@@ -32,27 +32,27 @@ impl Default for Options {
     }
 }
 
-/// What the blend walks over; `docs/design-notes.md` names the buffers.
+/// Input of the blend; `docs/design-notes.md` names the buffers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Intersections {
-    /// Which tiles there are.
+    /// The grid of tiles.
     pub tiling: Tiling,
     /// Gaussian index by depth rank.
     pub global_from_rank: Vec<u32>,
-    /// Tile and slot, sorted by tile, front to back in each.
+    /// Tile of each intersection, sorted by tile, front to back in each.
     pub isect_tiles: Vec<u32>,
-    /// See `isect_tiles`.
+    /// Slot of each intersection, in the order of `isect_tiles`.
     pub isect_slots: Vec<u32>,
     /// Gaussian index by slot.
     pub global_from_slot: Vec<u32>,
     /// First slot by Gaussian index.
     pub first_slot: Vec<u32>,
-    /// Begin and end of a tile's sorted intersections.
+    /// First and end of a tile's sorted intersections.
     pub tile_ranges: Vec<[u32; 2]>,
 }
 
 impl Intersections {
-    /// Not one.
+    /// No intersections.
     pub fn none(tiling: Tiling) -> Self {
         Intersections {
             tiling,
@@ -65,7 +65,7 @@ impl Intersections {
         }
     }
 
-    /// `depths` are ∞ where a Gaussian is not visible.
+    /// Sorts and lists the tiles of visible splats. Depths are ∞ for Gaussians that are not visible.
     pub fn new(projected: &Projected, tiling: Tiling) -> Self {
         let Projected { splats, depths, tile_counts, .. } = projected;
         let global_from_rank = sort_depth(depths);
@@ -84,18 +84,18 @@ impl Intersections {
     }
 }
 
-/// A view, with everything on the way to its image.
+/// A view, with all intermediate results.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendered {
-    /// What [`project`] left.
+    /// Result of [`project`].
     pub projected: Projected,
-    /// In the order of the blend.
+    /// Intersections, in the order of the blend.
     pub isects: Intersections,
-    /// The image, and what the blend knows of it.
+    /// The image, and the blend's other results.
     pub blended: Blended,
 }
 
-/// One view, from parameters to image.
+/// Renders one view, from parameters to image.
 pub fn render(params: &Params, view: &View, options: &Options, background: Background) -> Rendered {
     let projected = project(params, view, options);
     let tiling = Tiling::new(view.width, view.height, options);
@@ -105,7 +105,8 @@ pub fn render(params: &Params, view: &View, options: &Options, background: Backg
 }
 
 impl Rendered {
-    /// `image_grad` is ∂loss/∂RGB by pixel; the rest are what [`render`] was given.
+    /// Gradients of the parameters. `image_grad` is ∂loss/∂RGB by pixel; the other arguments are those of
+    /// [`render`].
     pub fn backward(&self, params: &Params, view: &View, options: &Options, image_grad: &[[f64; 3]]) -> Gradients {
         let splats = &self.projected.splats;
         let isect_grads = blend_backward(splats, &self.isects, &self.blended.image, image_grad);

@@ -1,4 +1,4 @@
-//! Turns a rendered pixel into a texel of a caller's image.
+//! Twin of `resolve.comp`: converts a rendered pixel to a texel of a caller's image.
 
 use crate::{
     data::srgb::{linear_from_srgb, srgb_from_linear},
@@ -6,26 +6,26 @@ use crate::{
     stages::constants::resolve::{BGRA8, HALF_MAX, OPAQUE, OVER, PREMULTIPLIED, RGBA8, RGBA16F},
 };
 
-/// What is asked of a pixel, see `glsl/raster/resolve.comp`.
+/// Parameters of the conversion, see `glsl/raster/resolve.comp`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct To {
-    /// [`OPAQUE`] and so on.
+    /// Blend mode: [`OPAQUE`] and so on.
     pub blend: u32,
     /// The target holds linear light.
     pub linear: bool,
     /// Factor of the Gaussians' linear light.
     pub exposure: f64,
-    /// sRGB-encoded, of [`OPAQUE`]; where nothing is exposed what is rendered has it in it already.
+    /// sRGB-encoded, for [`OPAQUE`]; if exposure is 1 the rendered image already includes it.
     pub background: [f64; 3],
 }
 
 impl To {
-    /// What is rendered has the background in it, see [`To::background`].
+    /// True if the rendered image includes the background, see [`To::background`].
     pub fn whole(&self) -> bool {
         self.blend == OPAQUE && self.exposure == 1.0
     }
 
-    /// RGBA of the target; `rendered` is RGB and transmittance, `below` what the target holds.
+    /// RGBA of the target; `rendered` is RGB and transmittance, `below` the target's content.
     pub fn resolve(&self, rendered: [f64; 4], below: [f64; 4]) -> [f64; 4] {
         let transmittance = rendered[3];
         let alpha = if self.whole() { 1.0 } else { 1.0 - transmittance };
@@ -56,17 +56,18 @@ impl To {
     }
 }
 
-/// What a depth buffer is cleared to: the depth of the far plane.
+/// Clear value of a depth buffer: the depth of the far plane.
 pub fn empty([_, b]: [f64; 2]) -> f64 {
     if b < 0.0 { 1.0 } else { 0.0 }
 }
 
-/// The depth a + b / z of camera z, as far as a depth buffer can hold it; of no Gaussian, 0, that of the far plane.
+/// The depth a + b / z of camera z, clamped to a depth buffer's range. If z is 0 (no Gaussian), the far
+/// plane's depth.
 pub fn depth(z: f64, [a, b]: [f64; 2]) -> f64 {
     if z > 0.0 { (a + b / z).clamp(0.0, 1.0) } else { empty([a, b]) }
 }
 
-/// The camera z of a depth; ∞ where it is that of nothing.
+/// The camera z of a depth; ∞ for the clear value.
 pub fn camera_z(depth: f64, [a, b]: [f64; 2]) -> f64 {
     let z = b / (depth - a);
     let something = if b < 0.0 { depth < 1.0 } else { depth > 0.0 };
@@ -119,7 +120,7 @@ mod tests {
             let c = f64::from(i) / 100.0;
             assert!((srgb_from_linear(linear_from_srgb(c)) - c).abs() < 1e-6, "{c}");
         }
-        // Middle grey, as tables have it.
+        // Middle grey, as in published tables.
         assert!((linear_from_srgb(0.5) - 0.214041).abs() < 1e-6);
     }
 
@@ -147,7 +148,7 @@ mod tests {
             assert!((result[c] - (colour[c] + t * below[c])).abs() < 1e-12);
         }
         assert_eq!(result[3], 1.0);
-        // The same in light: what is below is encoded first.
+        // The same in linear light: the content below is encoded first.
         let light = To { linear: true, ..over }.resolve([0.2, 0.1, 0.4, t], below.map(linear_from_srgb));
         for c in 0..3 {
             assert!((srgb_from_linear(light[c]) - result[c]).abs() < 1e-6);
@@ -163,7 +164,7 @@ mod tests {
         let background = [0.2, 0.5, 0.9];
         let to = |linear, exposure| To { blend: OPAQUE, linear, exposure, background };
         for exposure in [0.0, 0.5, 2.0] {
-            // Where no Gaussian is, and where one is half of a pixel.
+            // A pixel without a Gaussian, and one half covered.
             let empty = to(false, exposure).resolve([0.0, 0.0, 0.0, 1.0], [0.0; 4]);
             assert_eq!(empty, [0.2, 0.5, 0.9, 1.0]);
             let half = to(false, exposure).resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
@@ -172,7 +173,7 @@ mod tests {
             let light = to(true, exposure).resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
             assert!((0..3).all(|c| (srgb_from_linear(light[c]) - half[c]).abs() < 1e-6));
         }
-        // The image that has its background in it is the same one.
+        // The image that includes its background gives the same result.
         let over: Vec<f64> = background.iter().map(|b| 0.3 + 0.5 * b).collect();
         let plain = to(false, 1.0).resolve([over[0], over[1], over[2], 0.5], [0.0; 4]);
         let exposed = to(false, 1.0 + 1e-9).resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
@@ -188,10 +189,10 @@ mod tests {
                 assert!((camera_z(depth(z, form), form) / z - 1.0).abs() < 1e-9, "{form:?} {z}");
             }
         }
-        // Nothing there: what a depth buffer is cleared to, also where the far plane is near.
+        // Nothing there: the clear value of a depth buffer, even if the far plane is near.
         for (form, cleared) in forms.into_iter().zip([1.0, 0.0, 1.0]) {
             assert_eq!((depth(0.0, form), camera_z(cleared, form)), (cleared, f64::INFINITY));
-            // What is beyond the far plane, or before the near one, is as far as depths go.
+            // Depths beyond the far plane or in front of the near one are clamped to the range.
             let beyond = [0.5 * near, 2.0 * far].map(|z| depth(z, form));
             assert!(beyond[0] == 1.0 - cleared && (0.0..=1.0).contains(&beyond[1]), "{form:?}: {beyond:?}");
         }

@@ -8,8 +8,9 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::scene::{Camera, Gaussians, Lobes, Scene, Supplement, color::BETAS};
 
-/// The camera that [`random_scene`] is built before: horizontal field of view 60°, off-centre principal point, turned
-/// and moved away from the world's axes so that no transposed rotation goes unnoticed.
+/// The camera in front of which [`random_scene`] builds its scene: horizontal field of view 60°, off-centre
+/// principal point. It is turned and moved away from the world's axes, so that no transposed rotation goes
+/// unnoticed.
 pub fn random_camera(width: u32, height: u32) -> Camera {
     let focal = width as f64 / (2.0 * FRAC_TAN);
     let rotation = DMat3::from_rotation_z(0.3) * DMat3::from_rotation_y(-0.7) * DMat3::from_rotation_x(0.4);
@@ -28,7 +29,8 @@ pub fn random_camera(width: u32, height: u32) -> Camera {
 /// tan 30°.
 const FRAC_TAN: f64 = 0.577_350_269_189_625_8;
 
-/// A scene before [`random_camera`] of any size, `supplement` of its Gaussians with lobes (no supplement for 0).
+/// A scene in front of [`random_camera`] of any size, `supplement` of its Gaussians with lobes (no supplement
+/// for 0).
 ///
 /// Depths 0.4 to 12, 5 % behind the camera, one in seven beside a square image. Standard deviations between 0.05 % and
 /// 8 % of the image's width, one in ten a needle of up to 1 : 100. Opacities from below 1/255 to 0.999.
@@ -44,8 +46,9 @@ pub fn random_scene(seed: u64, count: usize, supplement: usize, sh_degree: u32) 
     Scene { base, supplement, ..Default::default() }
 }
 
-/// [`random_scene`] of so many Gaussians, of which a share has lobes: the more, the smaller, so that a pixel always has as many. They
-/// cover the image `overlap` times as often as 2,000 of the usual size do.
+/// [`random_scene`] of `gaussians` Gaussians, a share of them with lobes. More Gaussians are smaller, so that
+/// the number in a pixel stays the same. They cover the image `overlap` times as often as 2,000 of the usual
+/// size do.
 pub fn covering_scene(gaussians: usize, lobes: f64, overlap: f64, sh_degree: u32) -> Scene {
     let lobes = (lobes.clamp(0.0, 1.0) * gaussians as f64) as usize;
     let mut scene = random_scene(1, gaussians - lobes, lobes, sh_degree);
@@ -85,7 +88,7 @@ fn gaussians(rng: &mut ChaCha8Rng, count: usize, sh_degree: u32) -> Gaussians {
         // Band 0 spans colours 0.5 ± 0.5 and a little beyond, so that some channels are clamped at 0.
         out.sh.push(std::array::from_fn(|_| rng.random_range(-2.0..2.0)));
         for k in 1..out.sh_coefficients() {
-            // Of lobes of betas θ, φ and b, from a cosine to some degrees.
+            // Shapes of betas' lobes, θ, φ and b: from a cosine to some degrees.
             let ranges = match sh_degree == BETAS && k % 2 == 0 {
                 true => [0.0..PI, 0.0..TAU, -1.3..3.0],
                 false => [-0.2..0.2, -0.2..0.2, -0.2..0.2],
@@ -100,7 +103,7 @@ fn lobes(rng: &mut ChaCha8Rng, means: &[[f32; 3]]) -> Lobes {
     let eye = random_camera(1, 1).eye();
     let mut out = Lobes::default();
     for mean in means {
-        // About the direction to the eye, up to far outside the support.
+        // Around the direction to the eye, up to far outside the support.
         let to_eye = (eye - DVec3::from_array(mean.map(f64::from))).normalize();
         let deviation = rng.random_range(0.0..1.0);
         let random: [f64; 3] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));

@@ -1,9 +1,9 @@
-//! Twin of `scan_apply.comp`.
+//! Twin of `scan_apply.comp`: the start of each item in a prefix sum.
 
 use super::scan_reduce::items;
 
-/// Where each item begins, given where its block of `block` items does; at most `u32::MAX`. With `index`, item i is
-/// `values[index[i]]`.
+/// Start of each item, given the start of its block of `block` items; at most `u32::MAX`. With `index`, item
+/// i is `values[index[i]]`.
 pub fn scan_apply(values: &[u32], index: Option<&[u32]>, block_sums: &[u32], block: usize) -> Vec<u32> {
     let items = items(values, index);
     let mut offsets = Vec::with_capacity(items.len());

@@ -1,6 +1,6 @@
-//! Twin of `scan_spine.comp`.
+//! Twin of `scan_spine.comp`: the start of each block in a prefix sum.
 
-/// Where each block begins, and after the last block the total, at most `u32::MAX`: blocks + 1 values.
+/// Start of each block, followed by the total, at most `u32::MAX`: blocks + 1 values.
 pub fn scan_spine(block_sums: &[u32]) -> Vec<u32> {
     let mut before = 0u32;
     let mut offsets = vec![0];

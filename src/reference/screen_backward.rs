@@ -1,4 +1,5 @@
-//! From gradient records to 2D Gaussians, and their Adam step (method, section 3).
+//! Twin of `screen_backward.comp`: gradients of 2D Gaussians from gradient records, and their Adam step
+//! (method, section 3).
 //!
 //! One iteration is one thread of the kernel.
 
@@ -12,17 +13,17 @@ use super::{DILATION, Intersections, sigmoid};
 /// ∂loss/∂gaussian 0..8.
 pub type ScreenGrad = [f64; 9];
 
-/// Learning rates (method, section 3); the centre's is multiplied by the mean of width and height.
+/// Learning rate of the centre, multiplied by the mean of width and height (method, section 3).
 pub const RATE_CENTRE: f64 = 0.001;
-/// See [`RATE_CENTRE`].
+/// Learning rate of the colour.
 pub const RATE_COLOUR: f64 = 0.01;
-/// See [`RATE_CENTRE`].
+/// Learning rate of the opacity's logit.
 pub const RATE_LOGIT: f64 = 0.02;
-/// See [`RATE_CENTRE`].
+/// Learning rate of the log scales.
 pub const RATE_LOG_SCALE: f64 = 0.001;
-/// See [`RATE_CENTRE`].
+/// Learning rate of the angle.
 pub const RATE_ANGLE: f64 = 0.02;
-/// Least standard deviation of a new Gaussian, pixels; see `glsl/shared/screen.glsl` for why.
+/// Smallest standard deviation of a new Gaussian, pixels; see `glsl/shared/screen.glsl` for the reason.
 pub const FIRST_SCALE_MIN: f64 = 0.6;
 
 /// Largest standard deviation in an image of that size, pixels.
@@ -30,7 +31,8 @@ pub fn scale_max(width: f64, height: f64) -> f64 {
     (0.01 * (width + height)).clamp(2.0 * FIRST_SCALE_MIN, 50.0)
 }
 
-/// `tile_counts` and `isects` are the forward pass's, `isect_grads` the blend's, by slot.
+/// Gradients from the blend's records. `tile_counts` and `isects` are the forward pass's, `isect_grads` the
+/// blend's, by slot.
 pub fn screen_backward(
     gaussians: &[ScreenGaussian],
     tile_counts: &[u32],
@@ -71,8 +73,8 @@ pub fn screen_backward(
         .collect()
 }
 
-/// Sums of the magnitudes of the terms that make each gradient up: what rounding errors are relative to. `sizes` are the magnitudes of
-/// the records.
+/// Sums of the magnitudes of each gradient's terms: rounding errors are relative to these. `sizes` are the
+/// magnitudes of the records.
 pub fn magnitudes(
     gaussians: &[ScreenGaussian],
     tile_counts: &[u32],
@@ -97,11 +99,11 @@ pub struct ScreenMoments {
     pub first: ScreenGrad,
     /// Mean of their squares.
     pub second: ScreenGrad,
-    /// Steps since it was put in.
+    /// Steps since the Gaussian was drawn.
     pub age: u32,
 }
 
-/// One step of every Gaussian that has a finite gradient.
+/// Steps every Gaussian that has a finite gradient.
 pub fn screen_step(
     gaussians: &mut [ScreenGaussian],
     grads: &[ScreenGrad],

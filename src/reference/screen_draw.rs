@@ -1,4 +1,5 @@
-//! Draws pixels of a view where its loss is high (method, section 3; Efraimidis and Spirakis 2006).
+//! Twin of `screen_draw.comp`: draws pixels with high loss in a view (method, section 3; Efraimidis and
+//! Spirakis 2006).
 //!
 //! One call is one workgroup of the kernel.
 
@@ -6,17 +7,17 @@ use super::hash::pcg4d;
 use super::screen_backward::FIRST_SCALE_MIN;
 use super::screen_project::{COLOUR, LOG_SCALE, LOGIT, ScreenGaussian};
 
-/// Losses whose square float32 can hold; a pixel with another is never drawn.
+/// Losses whose square float32 can hold; a pixel with another loss is never drawn.
 pub const LOSS_RANGE: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
-/// Opacity of a new Gaussian, and its standard deviation relative to the shorter side.
+/// Opacity of a new Gaussian.
 pub const FIRST_OPACITY: f64 = 0.02;
-/// See [`FIRST_OPACITY`].
+/// Standard deviation of a new Gaussian, relative to the shorter side.
 pub const FIRST_SCALE: f64 = 0.005;
 
-/// What numbers a draw: `view` in the dataset, `round` from 1.
+/// Identifies a draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Draw {
-    /// Of the run.
+    /// Seed of the run.
     pub seed: u32,
     /// Index in the dataset.
     pub view: u32,
@@ -24,23 +25,24 @@ pub struct Draw {
     pub round: u32,
 }
 
-/// Of a draw and a pixel.
+/// Hash of a draw and a pixel.
 fn hash(draw: Draw, pixel: u32) -> u32 {
     pcg4d([pixel, draw.view, draw.round, draw.seed])[3]
 }
 
-/// −ln(u) / loss², u a hash of the draw and the pixel; none where the pixel cannot be drawn.
+/// −ln(u) / loss², u a hash of the draw and the pixel; none if the pixel cannot be drawn.
 pub fn key(draw: Draw, pixel: u32, loss: f64) -> Option<f64> {
     let x = (hash(draw, pixel) as f64 + 0.5) / 4294967296.0;
     LOSS_RANGE.contains(&loss).then(|| -(-x).ln_1p() / (loss * loss))
 }
 
-/// Gaussians that a view may get in one draw. (The method's round(0.2 n) is 0 for n < 3, and such a view would never get any.)
+/// Most Gaussians that a view gets in one draw. (The method's round(0.2 n) is 0 for n < 3, and such a view
+/// would never get any.)
 pub fn draw_size(budget: u32) -> u32 {
     ((budget + 2) / 5).max(1)
 }
 
-/// The pixels of the `count` smallest keys, ascending; fewer where fewer can be drawn. `losses` by pixel.
+/// The pixels of the `count` smallest keys, ascending; fewer if fewer can be drawn. `losses` by pixel.
 pub fn screen_draw(draw: Draw, losses: &[f64], count: usize) -> Vec<u32> {
     let mut keys: Vec<(f64, u32)> =
         losses.iter().enumerate().filter_map(|(p, &loss)| Some((key(draw, p as u32, loss)?, p as u32))).collect();

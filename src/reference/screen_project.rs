@@ -1,4 +1,5 @@
-//! Makes splats of the 2D Gaussians of one view, and takes their depths from its depth map (method, section 3).
+//! Twin of `screen_project.comp`: makes splats from the 2D Gaussians of one view, and takes their depths from
+//! its depth map (method, section 3).
 //!
 //! gaussians, depths → gaussians (depth), splats, depths to sort by, tile counts. One iteration is one thread of the kernel.
 
@@ -21,8 +22,9 @@ pub const ANGLE: usize = 8;
 /// Plane of the depth, which is not learned.
 pub const DEPTH: usize = 9;
 
-/// `depths` is camera z by pixel, row-major. Of `options` only the tile sizes matter. The
-/// result's depths are `f64::MAX` where there is none (behind everything), ∞ where the Gaussian is not visible.
+/// Projects them. `depths` is camera z by pixel, row-major. Only the tile sizes of `options` matter. The
+/// result's depths are `f64::MAX` for Gaussians without a depth (behind everything), ∞ if the Gaussian is not
+/// visible.
 pub fn screen_project(
     gaussians: &mut [ScreenGaussian],
     depths: &[f64],
@@ -38,7 +40,7 @@ pub fn screen_project(
         kinks: vec![0; gaussians.len()],
     };
     for (i, gaussian) in gaussians.iter_mut().enumerate() {
-        // Steps keep centres in the image; what is not a number has no pixel.
+        // Steps keep centres in the image; a NaN centre has no pixel.
         if !(gaussian[0] >= 0.0 && gaussian[1] >= 0.0 && gaussian[0] <= width as f64 && gaussian[1] <= height as f64) {
             continue;
         }
@@ -79,22 +81,22 @@ pub fn screen_project(
 pub struct Shape {
     /// Undilated, along the axes (cosine, sine) and (−sine, cosine), px².
     pub variance: [f64; 2],
-    /// Of the angle.
+    /// Cosine of the angle.
     pub cosine: f64,
-    /// Of the angle.
+    /// Sine of the angle.
     pub sine: f64,
     /// Factor of (S + 0.3 I)⁻¹ = LᵀL.
     pub l11: f64,
-    /// Of L, 1/px.
+    /// Entry of L, 1/px.
     pub l12: f64,
-    /// Of L, 1/px.
+    /// Entry of L, 1/px.
     pub l22: f64,
     /// √(det S / det(S + 0.3 I)).
     pub compensation: f64,
 }
 
 impl Shape {
-    /// Of log scales in px and an angle in radians.
+    /// The ellipse of log scales in px and an angle in radians.
     pub fn new(log_scale: [f64; 2], angle: f64) -> Self {
         let variance = log_scale.map(|l| (2.0 * l).exp());
         let (sine, cosine) = angle.sin_cos();

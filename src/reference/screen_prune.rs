@@ -1,20 +1,21 @@
-//! Which 2D Gaussians stay (method, section 3). One iteration is one subgroup of the kernel.
+//! Twin of `screen_prune.comp`: decides which 2D Gaussians stay (method, section 3). One iteration is one
+//! subgroup of the kernel.
 
 use super::lift_count::make_footprint;
 use super::screen_project::{ANGLE, LOG_SCALE, LOGIT, ScreenGaussian};
 use super::sigmoid;
 
-/// Least opacity, without compensation.
+/// Smallest opacity, without compensation.
 pub const OPACITY_MIN: f64 = 0.005;
 
-/// Least number of covered pixels in an image of that size: 25 from 546 rows or columns on, fewer in proportion to the area
-/// below, 4 at least.
+/// Smallest number of covered pixels in an image of that size: 25 from 546 rows or columns on, fewer in
+/// proportion to the area below, 4 at least.
 pub fn covered_min(width: u32, height: u32) -> usize {
     let side = f64::from(width.min(height)) / 546.0;
     (25.0 * side * side).ceil().clamp(4.0, 25.0) as usize
 }
 
-/// Pixels of the image where α ≥ 1/255, whatever lies in front.
+/// Pixels of the image with α ≥ 1/255, regardless of Gaussians in front.
 pub fn covered(gaussian: &ScreenGaussian, width: u32, height: u32) -> usize {
     let log_scale = [gaussian[LOG_SCALE], gaussian[LOG_SCALE + 1]];
     let footprint =

@@ -1,4 +1,4 @@
-//! Which tiles of the loss matter to the 2D Gaussians of a view.
+//! Twin of `screen_tiles.comp`: the loss's tiles that matter to the 2D Gaussians of a view.
 
 use std::collections::BTreeSet;
 
@@ -7,8 +7,9 @@ use super::Splat;
 /// Radius of the SSIM window, px.
 pub const WINDOW_RADIUS: f64 = 5.0;
 
-/// Tiles of `tile` × `tile` pixels, numbered row by row, that hold a pixel centre within `halo` pixels of the bounding box of a
-/// visible splat. With a halo of 0 the gradient of the loss is used there, with [`WINDOW_RADIUS`] it is made from these.
+/// Tiles of `tile` × `tile` pixels, numbered row by row, with a pixel centre within `halo` pixels of the
+/// bounding box of a visible splat. With a halo of 0 these are the tiles whose gradient is used, with
+/// [`WINDOW_RADIUS`] those from which it is computed.
 pub fn screen_tiles(
     splats: &[Splat],
     tile_counts: &[u32],

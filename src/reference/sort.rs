@@ -9,8 +9,8 @@ pub fn sort_depth(depths: &[f64]) -> Vec<u32> {
     order
 }
 
-/// Intersections by tile, in each tile by slot, which is front to back: `isect_tiles` and `isect_slots`, given
-/// the tile of each slot. Slots of no tile drop out.
+/// Intersections by tile, in each tile by slot, which is front to back: `isect_tiles` and `isect_slots`,
+/// given the tile of each slot. Slots without a tile are dropped.
 pub fn sort_isects(tile_of_slot: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut slots: Vec<u32> =
         (0..tile_of_slot.len() as u32).filter(|&slot| tile_of_slot[slot as usize] != NONE).collect();

@@ -1,4 +1,4 @@
-//! Twin of `ssim_backward.comp`.
+//! Twin of `ssim_backward.comp`: the gradient of the loss by the rendered pixels.
 
 use super::ssim_forward::{MIDDLE, SSIM_WEIGHT, counts, filter, target_channel};
 
@@ -71,8 +71,8 @@ mod tests {
         }
     }
 
-    /// With a mask the loss is one of the pixels that count alone: what the others show changes nothing, and what is left has the
-    /// gradient of central differences.
+    /// With a mask the loss is that of the counted pixels alone: other pixels' colours change nothing, and
+    /// the gradient equals central differences.
     #[test]
     fn pixels_that_do_not_count_have_no_loss_and_no_gradient() {
         for (width, height) in SIZES {
@@ -98,7 +98,7 @@ mod tests {
                     };
                     let difference = (loss_at(x + step) - loss_at(x - step)) / (2.0 * step);
                     loss_at(x);
-                    // As of the test above.
+                    // Bounded as in the test above.
                     let error = (difference - gradient[i][c]).abs() * (width * height) as f64;
                     assert!(
                         error < 1e-5,

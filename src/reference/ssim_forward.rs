@@ -1,4 +1,4 @@
-//! Twin of `ssim_forward.comp`.
+//! Twin of `ssim_forward.comp`: SSIM and L1 of a frame, and the derivatives of SSIM.
 
 /// Weight of 1 − SSIM in the loss; |x − y| has the rest.
 pub const SSIM_WEIGHT: f64 = 0.2;
@@ -6,16 +6,16 @@ pub const SSIM_WEIGHT: f64 = 0.2;
 const RADIUS: usize = 5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
-/// Moments are of x − MIDDLE and y − MIDDLE, −MIDDLE outside the image; see `ssim.glsl`.
+/// Moments are those of x − MIDDLE and y − MIDDLE, −MIDDLE outside the image; see `ssim.glsl`.
 pub(super) const MIDDLE: f64 = 0.5;
 
-/// What the forward pass finds out about one frame; pixels row by row.
+/// Results of the forward pass for one frame; pixels row by row.
 pub struct SsimForward {
     /// Per pixel and channel: ∂S/∂mx with the second moments fixed, ∂S/∂E\[x²\], ∂S/∂E\[xy\].
     pub partials: Vec<[[f64; 3]; 3]>,
     /// Sums over pixels and channels of |x − y|, of (x − y)² and of SSIM.
     pub sums: [f64; 3],
-    /// The same over the channels of each pixel.
+    /// Those sums for each pixel, over its channels.
     pub pixel_sums: Vec<[f64; 3]>,
     /// The loss of each pixel, the mean over its channels.
     pub loss_map: Vec<f64>,
@@ -26,13 +26,13 @@ pub fn target_channel(packed: u32, channel: usize) -> f64 {
     f64::from(packed >> (8 * channel) & 0xFF) / 255.0
 }
 
-/// Whether a packed pixel counts: its alpha is 0 where a mask leaves it out.
+/// True if a packed pixel counts: a mask that leaves it out sets its alpha to 0.
 pub fn counts(packed: u32) -> bool {
     packed >> 24 != 0
 }
 
-/// `image` is RGB and transmittance, `targets` RGBA8 with R in the low byte, both `width` × `height` pixels. Where a
-/// target does not count, the image is taken to equal it, and the map is 0.
+/// Compares them. `image` is RGB and transmittance, `targets` RGBA8 with R in the low byte, both `width` ×
+/// `height` pixels. If a target does not count, the image is taken to equal it, and the map is 0.
 pub fn ssim_forward(width: usize, height: usize, image: &[[f64; 4]], targets: &[u32]) -> SsimForward {
     let pixels = width * height;
     let pair = |i: usize, c: usize| {
@@ -101,7 +101,8 @@ pub(super) fn filter<const N: usize>(
     })
 }
 
-/// Σ over the taps t of weight × sample; `at` gives the sample's index by pixel and tap where it is within the image.
+/// Σ over the taps t of weight × sample; `at` gives the sample's index by pixel and tap if it is within the
+/// image.
 fn tap<const N: usize>(
     window: &[f64],
     planes: &[[[f64; N]; 3]],

@@ -1,4 +1,5 @@
-//! Which tiles a splat touches: shared by `project`, which counts them, and `emit`, which writes them.
+//! Finds the tiles that a splat touches: shared by `project`, which counts them, and `emit`, which writes
+//! them.
 //!
 //! The splat covers the ellipse |Lδ|² ≤ t, t = 2 ln(255 · opacity). At the height dy it spans
 //! dx = (−l12 dy ± √(t − l22² dy²)) / l11. The right edge is concave in dy and peaks where its derivative
@@ -11,51 +12,52 @@ use super::{Options, Splat};
 /// Tiles over an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tiling {
-    /// Pixels of the image.
+    /// Width of the image, pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height of the image, pixels.
     pub height: u32,
-    /// Pixels of a tile, at least 1.
+    /// Width of a tile, pixels, at least 1.
     pub tile_width: u32,
-    /// Pixels of a tile, at least 1.
+    /// Height of a tile, pixels, at least 1.
     pub tile_height: u32,
-    /// Tiles across and down.
+    /// Tiles across.
     pub tiles_x: u32,
     /// Tiles down.
     pub tiles_y: u32,
 }
 
 impl Tiling {
-    /// The tiles of an image of so many pixels; the last of a row or column may reach beyond it.
+    /// The tiles of an image of `width` × `height` pixels; the last of a row or column may reach beyond it.
     pub fn new(width: u32, height: u32, options: &Options) -> Self {
         let (tile_width, tile_height) = (options.tile_width.max(1), options.tile_height.max(1));
         let (tiles_x, tiles_y) = (width.div_ceil(tile_width), height.div_ceil(tile_height));
         Tiling { width, height, tile_width, tile_height, tiles_x, tiles_y }
     }
 
-    /// All tiles.
+    /// Number of tiles.
     pub fn count(&self) -> usize {
         self.tiles_x as usize * self.tiles_y as usize
     }
 
-    /// Index of the tile that a pixel lies in, rows of tiles from the top.
+    /// Index of the tile that contains a pixel, rows of tiles from the top.
     pub fn tile_of(&self, column: u32, row: u32) -> u32 {
         row / self.tile_height * self.tiles_x + column / self.tile_width
     }
 }
 
-// A tile too many costs a little time, a tile too few is a wrong image: the set may only err outward, in float32.
+// An extra tile costs a little time, a missing tile is a wrong image: in float32 the set may only err
+// outward.
 //
-// The blend's own rounding, seen from here, is an error of w. Both coordinates carry a relative error of a few 2⁻²⁴,
-// and so does l12 dy, which for a needle is much larger than w_u itself: in pixels (divide by l11) it is at
-// most the ellipse's half-width. exp within 3 + 2·5.6 ulp and log within 2⁻²¹ (Vulkan's precision) move t by less
-// than 1e-5.
+// The blend's own rounding, seen from here, is an error of w. Both coordinates carry a relative error of a
+// few 2⁻²⁴, and so does l12 dy, which for a needle is much larger than w_u itself: in pixels (divide by l11)
+// it is at most the ellipse's half-width. exp within 3 + 2·5.6 ulp and log within 2⁻²¹ (Vulkan's precision)
+// move t by less than 1e-5.
 /// Relative and absolute growth of t. Covers the errors of t, of w_v and of √(t − w_v²) tenfold.
 const SLACK: f64 = 1e-4;
-/// Growth of the spans, px. As the kernels have it (`glsl/shared/splat.glsl`), lest a kernel and a twin that go by each other's
-/// counts list other tiles.
+/// Growth of the spans, px. The same as in the kernels (`glsl/shared/splat.glsl`): a kernel and a twin that
+/// use each other's counts must list the same tiles.
 const PAD: f64 = 1e-3;
-/// Growth of the spans by how far off the centre and the ellipse's ends lie: 16 roundings of 2⁻²⁴.
+/// Growth of the spans by the distance of the centre and the ellipse's ends: 16 roundings of 2⁻²⁴.
 const PAD_RELATIVE: f64 = 1.0 / 1048576.0;
 
 /// Visits the tiles that hold the centre of a covered pixel, row by row, left to right. Nothing for an
@@ -75,7 +77,7 @@ pub fn for_each_tile(splat: &Splat, tiling: &Tiling, mut visit: impl FnMut(u32))
 
     let row_first = (splat.y - reach_y - PAD - 0.5).ceil().max(0.0);
     let row_last = (splat.y + reach_y + PAD - 0.5).floor().min(tiling.height as f64 - 1.0);
-    // Also where the ellipse is not finite or its place is NaN.
+    // Also false if the ellipse is not finite or its position is NaN.
     if !(row_first <= row_last && reach_x < f64::INFINITY && splat.x.is_finite() && splat.y.is_finite()) {
         return;
     }
@@ -143,7 +145,7 @@ mod tests {
         Tiling::new(70, 50, &Options { tile_width, tile_height, ..Default::default() })
     }
 
-    /// Tiles that hold a pixel whose α is at least `alpha_min`.
+    /// Tiles with a pixel whose α is at least `alpha_min`.
     fn brute_force(splat: &Splat, tiling: &Tiling, alpha_min: f64) -> BTreeSet<u32> {
         let mut tiles = BTreeSet::new();
         for row in 0..tiling.height {
@@ -173,11 +175,12 @@ mod tests {
             found += tiles.len();
             needed += covered.len();
         }
-        // "Exact" up to spans that hold no pixel centre of a band: a needle between two pixel rows or columns.
+        // "Exact" except for spans without a pixel centre in a band: a needle between two pixel rows or
+        // columns.
         assert!(needed > 20_000 && (found as f64) < 1.06 * needed as f64, "{found} for {needed}");
     }
 
-    /// With tiles of one pixel every band is one row, so the span is exact: nothing but what the slack admits.
+    /// With tiles of one pixel every band is one row, so the span is exact up to the slack.
     #[test]
     fn tiles_of_one_pixel_are_the_covered_pixels() {
         let mut rng = ChaCha8Rng::seed_from_u64(2);

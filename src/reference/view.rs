@@ -1,4 +1,4 @@
-//! A camera as the kernels see it.
+//! The camera parameters given to the kernels.
 
 use glam::{DMat3, DVec3, DVec4};
 
@@ -10,40 +10,40 @@ use crate::scene::Camera;
 pub struct View {
     /// First row of world to camera: the rotation's, and the translation.
     pub row_x: DVec4,
-    /// The second.
+    /// Second row.
     pub row_y: DVec4,
-    /// The third: camera z.
+    /// Third row: camera z.
     pub row_z: DVec4,
     /// Camera centre, world.
     pub eye: DVec3,
-    /// Focal lengths and principal point, px.
+    /// Focal length in x, px.
     pub fx: f64,
-    /// Focal length, px.
+    /// Focal length in y, px.
     pub fy: f64,
-    /// Principal point, px.
+    /// Principal point, x, px.
     pub cx: f64,
-    /// Principal point, px.
+    /// Principal point, y, px.
     pub cy: f64,
-    /// Least and largest x/z of the Jacobian (3DGS): those of the image's sides, and 0.15 of the width beyond each. Of an image whose
-    /// principal point is its middle ±1.3 tan(fov/2).
+    /// Smallest and largest x/z of the Jacobian (3DGS): those of the image's sides, and 0.15 of the width
+    /// beyond each. If the principal point is the image's middle, ±1.3 tan(fov/2).
     pub slope_x: [f64; 2],
     /// Likewise y/z, by the height.
     pub slope_y: [f64; 2],
     /// Pixels.
     pub width: u32,
-    /// See `width`.
+    /// Pixels.
     pub height: u32,
-    /// Camera z; what is not beyond is culled.
+    /// Camera z; Gaussians not beyond it are culled.
     pub near: f64,
 }
 
-/// Where x/z is clamped, of an image whose side has so many pixels.
+/// Clamping range of x/z for an image with `side` pixels across.
 fn slopes(side: f64, focal: f64, principal: f64) -> [f64; 2] {
     [(-0.15 * side - principal) / focal, (1.15 * side - principal) / focal]
 }
 
 impl View {
-    /// In float64; [`View::rounded`] is what the device has.
+    /// The view in float64; [`View::rounded`] is the device's.
     pub fn from_camera(camera: &Camera) -> Self {
         let row = |i: usize| camera.rotation.row(i).extend(camera.translation[i]);
         View {
@@ -63,8 +63,8 @@ impl View {
         }
     }
 
-    /// Every number rounded to float32: the view that a kernel is given, so that a comparison measures the
-    /// kernel's arithmetic and not the rounding of its input.
+    /// Every number rounded to float32: the kernel's view, so that a comparison measures the kernel's
+    /// arithmetic and not the rounding of its input.
     pub fn rounded(&self) -> Self {
         let f = |x: f64| x as f32 as f64;
         let row = |r: DVec4| DVec4::new(f(r.x), f(r.y), f(r.z), f(r.w));

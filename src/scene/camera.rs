@@ -5,17 +5,17 @@ use glam::{DMat3, DVec3};
 /// Intrinsics in pixels, pose as world-to-camera: `x_camera = rotation · x_world + translation`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Pixels.
+    /// Image width, pixels.
     pub width: u32,
-    /// Pixels.
+    /// Image height, pixels.
     pub height: u32,
-    /// Focal lengths, pixels.
+    /// Focal length in x, pixels.
     pub fx: f64,
-    /// Focal length, pixels.
+    /// Focal length in y, pixels.
     pub fy: f64,
-    /// Principal point, pixels from the image's upper left corner.
+    /// Principal point in x, pixels from the image's left edge.
     pub cx: f64,
-    /// Principal point, pixels.
+    /// Principal point in y, pixels from the image's upper edge.
     pub cy: f64,
     /// From world axes to camera axes.
     pub rotation: DMat3,
@@ -46,7 +46,7 @@ impl Camera {
         self.rotation.transpose() * (p - self.translation)
     }
 
-    /// The same camera in coordinates that count from `origin`.
+    /// The camera in coordinates relative to `origin`.
     pub fn around(&self, origin: DVec3) -> Camera {
         Camera { translation: self.translation + self.rotation * origin, ..*self }
     }
@@ -57,11 +57,11 @@ impl Camera {
         Camera { width, height, fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy, ..*self }
     }
 
-    /// The camera of the same pose whose image of another size has all of this one's in its middle, as large as it fits. The same
-    /// camera for the same size.
+    /// The camera of the same pose for an image of another size, which contains all of this one's image in
+    /// its middle, as large as it fits. Returns the same camera for the same size.
     pub fn fitted(&self, width: u32, height: u32) -> Camera {
         let scale = (f64::from(width) / f64::from(self.width)).min(f64::from(height) / f64::from(self.height));
-        // Whole pixels, so that the image's edge is one.
+        // Whole pixels, so that the inner image's edge lies on a pixel edge.
         let margin = |side: u32, own: u32| ((f64::from(side) - scale * f64::from(own)) / 2.0).round();
         Camera {
             width,
@@ -105,7 +105,7 @@ mod tests {
         let found = [large.fx, large.fy, large.cx, large.cy];
         assert_eq!((large.width, large.height, found), (101, 40, [100.0, 90.0, 49.0, 22.0]));
         assert_eq!((large.rotation, large.translation), (camera.rotation, camera.translation));
-        // Half as large where the height is what there is least of.
+        // Half as large, limited by the width.
         let high = camera.fitted(20, 30);
         assert_eq!([high.fx, high.fy, high.cx, high.cy], [25.0, 22.5, 9.5, 15.5]);
         let resized = camera.resized(20, 60);

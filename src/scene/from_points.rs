@@ -1,4 +1,4 @@
-//! A first scene from a point cloud, as 3DGS (Kerbl 2023) makes it.
+//! Initialises a scene from a point cloud, as in 3DGS (Kerbl 2023).
 
 use std::num::NonZeroUsize;
 
@@ -9,13 +9,14 @@ use super::{Gaussians, color};
 
 /// The constant SH band's value.
 pub const SH_DC: f32 = crate::stages::constants::constants::SH_C0;
-/// Opacity that a new Gaussian begins with.
+/// Opacity of a new Gaussian.
 const FIRST_OPACITY: f32 = 0.1;
 /// Smallest mean squared distance, scene units²: coincident points still get a size.
 const MIN_SQUARED_DISTANCE: f32 = 1e-7;
 
-/// One Gaussian for each point: isotropic, as wide as the root mean square distance to its three nearest neighbours, of
-/// opacity 0.1, its colour in the constant. `positions` and `colors` (8-bit sRGB) have the same length.
+/// Makes one Gaussian for each point: isotropic, as wide as the root mean square distance to its three
+/// nearest neighbours, with opacity 0.1 and its colour in the constant band. `positions` and `colors` (8-bit
+/// sRGB) have the same length.
 pub fn from_points(positions: &[[f32; 3]], colors: &[[u8; 3]], sh_degree: u32) -> Gaussians {
     let n = positions.len();
     let model = color::of(sh_degree);

@@ -6,8 +6,8 @@ use glam::DVec3;
 
 use super::{color, layout};
 
-/// Plain 3D Gaussians. All vectors have the same length, but `sh` which holds
-/// `len · K` RGB coefficients, K = (sh_degree + 1)², Gaussian-major: `sh[i · K + k]`.
+/// Plain 3D Gaussians. All vectors have the same length, except `sh`, which holds `len · K` RGB coefficients,
+/// K = (sh_degree + 1)², Gaussian-major: `sh[i · K + k]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians {
     /// Degree of the spherical harmonics, 0 to 3, or [`BETAS`](color::BETAS): `sh` has the constant and then, for each lobe, its color and
@@ -31,12 +31,12 @@ impl Gaussians {
         self.means.len()
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     pub fn is_empty(&self) -> bool {
         self.means.is_empty()
     }
 
-    /// Coefficients per Gaussian, (L + 1)², or of betas.
+    /// Coefficients per Gaussian: (L + 1)², or those of betas.
     pub fn sh_coefficients(&self) -> usize {
         layout::coefficients(self.sh_degree)
     }
@@ -58,7 +58,7 @@ impl Gaussians {
 /// The opacity lobes of supplementary Gaussians (method, section 1).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lobes {
-    /// Lobe directions d, from the Gaussian to where it is seen best; not normalised.
+    /// Lobe directions d, from the Gaussian to the eye that sees it best; not normalised.
     pub directions: Vec<[f32; 3]>,
     /// Widths T in [0.01, 1]: the lobe ends at the angle πT.
     pub widths: Vec<f32>,
@@ -66,29 +66,29 @@ pub struct Lobes {
     pub sharpness: Vec<f32>,
 }
 
-/// Supplementary Gaussians: plain ones with a lobe each.
+/// Supplementary Gaussians, each with a lobe.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Supplement {
-    /// Their opacities are those in the middle of the lobe.
+    /// Plain Gaussians; their opacities are those in the middle of the lobe.
     pub gaussians: Gaussians,
-    /// One for each.
+    /// One lobe for each Gaussian.
     pub lobes: Lobes,
 }
 
-/// A base scene and, once it is augmented, its supplement (which shares the base's SH degree).
+/// A base scene and, once it is augmented, its supplement (with the base's SH degree).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Scene {
-    /// What any viewer shows.
+    /// The part that any viewer shows.
     pub base: Gaussians,
-    /// What the augmentation has added.
+    /// The Gaussians that augmentation added.
     pub supplement: Option<Supplement>,
-    /// The world's coordinates of the place that means count from, scene units. Other than 0 for scenes so far from the world's origin
-    /// that float32 does not hold their means there (georeferenced ones).
+    /// Origin of the means in world coordinates, scene units. It is not 0 for scenes so far from the world's
+    /// origin that float32 cannot hold their means there (georeferenced ones).
     pub origin: DVec3,
 }
 
 impl Scene {
-    /// The same scene with means that count from `origin` (world). Of the same origin every bit stays.
+    /// The scene with means relative to `origin` (world). With the present origin every bit stays the same.
     pub fn around(mut self, origin: DVec3) -> Scene {
         let by = self.origin - origin;
         if by != DVec3::ZERO {
@@ -109,8 +109,8 @@ impl Scene {
 }
 
 impl Supplement {
-    /// The greatest opacity, 0 to 1, that Gaussian `i` has for any of `eyes` (scene units): σ(logit) times the lobe's factor (method,
-    /// section 1).
+    /// The largest opacity, 0 to 1, of Gaussian `i` for any of `eyes` (scene units): σ(logit) times the
+    /// lobe's factor (method, section 1).
     pub fn greatest_opacity(&self, i: usize, eyes: &[DVec3]) -> f64 {
         let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
         let (mean, direction) = (vector(self.gaussians.means[i]), vector(self.lobes.directions[i]));
@@ -123,7 +123,7 @@ impl Supplement {
         most / (1.0 + (-f64::from(self.gaussians.opacities[i])).exp())
     }
 
-    /// Keeps the Gaussians that `keep` is true of, in their order.
+    /// Keeps the Gaussians for which `keep` returns true, in their order.
     pub fn retain(&mut self, keep: impl FnMut(usize) -> bool) {
         let kept: Vec<bool> = (0..self.gaussians.len()).map(keep).collect();
         fn only<T>(values: &mut Vec<T>, kept: &[bool]) {
@@ -165,7 +165,7 @@ mod tests {
         assert_eq!(betas.clone().with_degree(BETAS), betas);
     }
 
-    /// The mean of a thousand directions is 1/√1000 long where they are drawn; these lie more evenly.
+    /// The mean of a thousand random directions is 1/√1000 long; these are spread more evenly.
     #[test]
     fn lobes_of_betas_begin_in_all_directions() {
         let of = |n: usize| {
@@ -194,7 +194,7 @@ mod tests {
         let lobes = Lobes { directions, widths: vec![0.4, 0.4, 0.5], sharpness: vec![2f32.ln(), 2f32.ln(), 0.0] };
         let mut all = Supplement { gaussians, lobes };
         let eyes = [DVec3::Z * 2.0, DVec3::NEG_Z];
-        // ψ/2 = (π/4)/0.5/2 = π/4, whose cosine to the power of 2 e^β = 2 is 1/2; of 3/4.
+        // ψ/2 = (π/4)/0.5/2 = π/4, whose cosine to the power of 2 e^β = 2 is 1/2; times 3/4.
         for (i, expected) in [0.75, 0.0, 0.375].into_iter().enumerate() {
             assert!((all.greatest_opacity(i, &eyes) - expected).abs() < 1e-7, "{i}");
         }

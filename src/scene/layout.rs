@@ -1,5 +1,5 @@
-//! Where the parameters of a Gaussian lie: the host's side of `glsl/shared/model.glsl`, from which the numbers come. Models on
-//! the device, the float64 twins and the tests all go by planes through here.
+//! Layout of a Gaussian's parameters: the host's side of `glsl/shared/model.glsl`, which defines the numbers.
+//! Models on the device, the float64 twins and the tests all access planes through this module.
 
 use std::ops::Range;
 
@@ -14,9 +14,10 @@ pub const LOG_SCALE: usize = model::LOG_SCALE as usize;
 pub const QUAT: usize = model::QUAT as usize;
 /// Plane of the opacity's logit.
 pub const OPACITY: usize = model::OPACITY as usize;
-/// Planes of geometry in all.
+/// Number of planes of geometry.
 pub const GEOMETRY_PLANES: usize = model::GEOMETRY_PLANES as usize;
-/// The same of half width: the mean, the opacity's logit, and four words with rotation and scales.
+/// Number of planes of geometry at half width: the mean, the opacity's logit, and four words with rotation
+/// and scales.
 pub const HALF_GEOMETRY_PLANES: usize = model::HALF_GEOMETRY_PLANES as usize;
 /// First plane of the lobe's direction, x, y and z, of any length.
 pub const LOBE_DIRECTION: usize = model::LOBE_DIRECTION as usize;
@@ -24,10 +25,10 @@ pub const LOBE_DIRECTION: usize = model::LOBE_DIRECTION as usize;
 pub const LOBE_WIDTH: usize = model::LOBE_WIDTH as usize;
 /// Plane of β.
 pub const LOBE_SHARPNESS: usize = model::LOBE_SHARPNESS as usize;
-/// Planes of a lobe in all.
+/// Number of planes of a lobe.
 pub const LOBE_PLANES: usize = model::LOBE_PLANES as usize;
 
-/// Quads of `planes` planes: four lie together.
+/// Quads that hold `planes` planes: four are interleaved.
 pub const fn quads(planes: usize) -> usize {
     planes.div_ceil(4)
 }
@@ -37,12 +38,13 @@ pub const fn bytes(planes: usize) -> u64 {
     (size_of::<[f32; 4]>() * quads(planes)) as u64
 }
 
-/// Where plane p of a place lies among the numbers of a page of `stride` places.
+/// Index of plane p of a place among the numbers of a page of `stride` places.
 pub const fn at(p: usize, stride: usize, place: usize) -> usize {
     4 * (p / 4 * stride + place) + p % 4
 }
 
-/// A page of quads from the values of `planes` planes by plane and place, of the places below `count` of `stride`; 0 elsewhere.
+/// Makes a page of quads from the values of `planes` planes by plane and place, for places below `count` of
+/// `stride`; 0 elsewhere.
 pub fn page(planes: usize, stride: usize, count: usize, value: impl Fn(usize, usize) -> f32) -> Vec<[f32; 4]> {
     let mut page = vec![[0.0; 4]; quads(planes) * stride];
     for p in 0..planes {
@@ -51,7 +53,7 @@ pub fn page(planes: usize, stride: usize, count: usize, value: impl Fn(usize, us
     page
 }
 
-/// Planes of such a page, one after the other.
+/// Planes of a page, one after the other.
 pub fn planes(page: &[[f32; 4]], planes: usize, stride: usize) -> impl Iterator<Item = f32> + '_ {
     (0..planes).flat_map(move |p| page[p / 4 * stride..][..stride].iter().map(move |quad| quad[p % 4]))
 }
@@ -66,25 +68,25 @@ pub fn sh_planes(degree: u32) -> usize {
     3 * coefficients(degree)
 }
 
-/// The arrays that planes lie in.
+/// The arrays that hold the planes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Array {
     /// Mean, scales, rotation, opacity.
     Geometry,
     /// Coefficients of color.
     Sh,
-    /// Of the supplement only.
+    /// Lobes of the supplement.
     Lobes,
 }
 
-/// Parameters of one kind: what has one unit, one learning rate and one bound of error.
+/// Parameters of one kind, with one unit, one learning rate and one bound of error.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {
-    /// For messages and tables.
+    /// Its name, for messages and tables.
     pub name: &'static str,
-    /// Where they lie.
+    /// The array that holds them.
     pub array: Array,
-    /// Of that array.
+    /// Their planes in that array.
     pub planes: Range<usize>,
 }
 
@@ -123,20 +125,21 @@ pub fn lobe(lobes: &Lobes, j: usize) -> [f32; LOBE_PLANES] {
     planes
 }
 
-/// Plane p of the harmonics of Gaussian i; 0 for bands that it does not have.
+/// Plane p of the harmonics of Gaussian i; 0 for bands that it lacks.
 pub fn sh(gaussians: &Gaussians, i: usize, p: usize) -> f32 {
     let stored = gaussians.sh_coefficients();
     if p / 3 < stored { gaussians.sh[i * stored + p / 3][p % 3] } else { 0.0 }
 }
 
-/// Geometry of half width, as `HALF_WIDTH` of the model's kernels reads it (`glsl/shared/model.glsl`). The mean and the opacity keep their
-/// bits, the rotation is known to 2e-6 rad and scales to 8e-6 of themselves; log scales beyond ±32 become the nearest in that range. Where
-/// projection would not draw a Gaussian, for a quaternion without a direction or a log scale that is NaN or +∞, its opacity becomes NaN.
+/// Packs geometry at half width, as read by kernels with `HALF_WIDTH` (`glsl/shared/model.glsl`). The mean
+/// and the opacity keep their bits. Components of the unit quaternion are exact to 2e-6 and scales to 8e-6 of
+/// themselves; log scales are clamped to ±32. If projection would cull a Gaussian, for a quaternion without a
+/// direction or a log scale that is NaN or +∞, its opacity becomes NaN.
 pub fn pack_geometry(planes: [f32; GEOMETRY_PLANES]) -> [f32; HALF_GEOMETRY_PLANES] {
     let quat: [f64; 4] = std::array::from_fn(|k| planes[QUAT + k].into());
     let scales: [f64; 3] = std::array::from_fn(|k| planes[LOG_SCALE + k].into());
     let missing = (1..4).fold(0, |best, k| if quat[k].abs() > quat[best].abs() { k } else { best });
-    // As `to_unit` of the kernels takes it.
+    // The same test as `to_unit` of the kernels.
     let turned = quat.iter().all(|q| q.is_finite()) && quat[missing].abs() >= f32::MIN_POSITIVE.into();
     let drawn = turned && scales.iter().all(|&s| s < f64::INFINITY);
     let length = quat.iter().map(|q| q * q).sum::<f64>().sqrt().copysign(quat[missing]);
@@ -159,7 +162,7 @@ pub fn pack_geometry(planes: [f32; GEOMETRY_PLANES]) -> [f32; HALF_GEOMETRY_PLAN
     packed
 }
 
-/// The planes that [`pack_geometry`] made such ones of, with a unit quaternion.
+/// Unpacks the planes of [`pack_geometry`], with a unit quaternion.
 pub fn unpack_geometry(packed: [f32; HALF_GEOMETRY_PLANES]) -> [f32; GEOMETRY_PLANES] {
     let words: [u32; 4] = std::array::from_fn(|k| packed[QUAT + k].to_bits());
     let (bits, zero) = (model::ROTATION_LOW_BITS, f64::from(model::ROTATION_ZERO));
@@ -179,7 +182,8 @@ pub fn unpack_geometry(packed: [f32; HALF_GEOMETRY_PLANES]) -> [f32; GEOMETRY_PL
     planes
 }
 
-/// A page of what [`pack_geometry`] makes of the values of `GEOMETRY_PLANES` planes, given as to [`page`].
+/// A page of packed geometry ([`pack_geometry`]), from the values of `GEOMETRY_PLANES` planes, given as to
+/// [`page`].
 pub fn pack_geometry_page(stride: usize, count: usize, value: impl Fn(usize, usize) -> f32) -> Vec<[f32; 4]> {
     let mut page = vec![[0.0; 4]; quads(HALF_GEOMETRY_PLANES) * stride];
     for place in 0..count {
@@ -189,7 +193,7 @@ pub fn pack_geometry_page(stride: usize, count: usize, value: impl Fn(usize, usi
     page
 }
 
-/// The page of what a page of geometry of half width says: three quads for each Gaussian.
+/// Unpacks a page of geometry of half width: to three quads for each Gaussian.
 pub fn unpack_geometry_page(quads: &[[f32; 4]], stride: usize) -> Vec<[f32; 4]> {
     let (first, rest) = quads.split_at(stride.min(quads.len()));
     let unpacked = |(a, b): (&[f32; 4], &[f32; 4])| unpack_geometry(std::array::from_fn(|p| [a, b][p / 4][p % 4]));
@@ -197,19 +201,19 @@ pub fn unpack_geometry_page(quads: &[[f32; 4]], stride: usize) -> Vec<[f32; 4]> 
     page(GEOMETRY_PLANES, stride, all.len(), |p, place| all[place][p])
 }
 
-/// Two halves in a word, of planes 2p (low) and 2p + 1 (high), as `HALF_WIDTH` of the model's kernels reads them. What a half cannot
-/// hold becomes the largest that it can.
+/// Packs two halves into a word, of planes 2p (low) and 2p + 1 (high), as read by kernels with `HALF_WIDTH`.
+/// Values beyond a half's range are clamped.
 pub fn pack_halves(low: f32, high: f32) -> f32 {
     let half = |v: f32| f16::from_f32(v.clamp(-65504.0, 65504.0)).to_bits();
     f32::from_bits(u32::from(half(low)) | u32::from(half(high)) << 16)
 }
 
-/// The two values of a word that [`pack_halves`] made, low half first.
+/// Unpacks the two values of a word of [`pack_halves`], low half first.
 pub fn halves(word: f32) -> [f32; 2] {
     [0, 16].map(|shift| f16::from_bits((word.to_bits() >> shift) as u16).to_f32())
 }
 
-/// The page of what a page of such words says: two quads for each.
+/// Unpacks a page of such words: to two quads for each.
 pub fn unpack_halves(words: &[[f32; 4]], stride: usize) -> Vec<[f32; 4]> {
     let of = |[low, high]: [f32; 2]| {
         let ([a, b], [c, d]) = (halves(low), halves(high));
@@ -239,9 +243,10 @@ pub fn push_lobe(to: &mut Lobes, lobe: impl Fn(usize) -> f32) {
 mod tests {
     use super::*;
 
-    /// Quaternions of any length and sign, each component the largest, and log scales to the ends of the range. A part is rounded by half
-    /// a step of 1.35e-6, three of them by 1.2e-6 together, which the largest, at least 1/2, takes up to 1.7 times: 2e-6 in all, and
-    /// twice as much as an angle. Log scales have steps of 2^-16.
+    /// Quaternions of any length and sign, each component in turn the largest, and log scales to the ends of
+    /// the range. A part is rounded by half a step of 1.35e-6, three of them by 1.2e-6 together. The largest
+    /// component, at least 1/2, takes up to 1.7 times that: 2e-6 in all, and twice as much as an angle. Log
+    /// scales have steps of 2^-16.
     #[test]
     fn geometry_of_half_width_comes_back() {
         let mut state = 1u32;

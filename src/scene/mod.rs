@@ -1,4 +1,4 @@
-//! Gaussians, cameras and what is known of a scene on the host.
+//! A scene on the host: Gaussians, their layout, and cameras.
 
 mod camera;
 pub mod color;

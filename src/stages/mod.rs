@@ -1,7 +1,9 @@
-//! The GPU stages: one kernel each, with the interface that glsl/generate.rs generates from it, and the sizes that its buffers need.
+//! The GPU stages: one kernel each, with the interface that glsl/generate.rs generates from it, and the sizes
+//! that its buffers need.
 //!
-//! A stage only records: it allocates, submits and waits for nothing. Barriers between stages of one recorder are the
-//! recorder's; what the caller owes before the first and after the last is in [`crate::gpu::Recorder::borrow`].
+//! A stage only records: it allocates, submits and waits for nothing. The recorder inserts barriers between
+//! its own stages; [`crate::gpu::Recorder::borrow`] lists the caller's obligations before the first and after
+//! the last.
 
 pub mod blocks;
 #[macro_use]
@@ -19,11 +21,11 @@ pub mod kernels {
 
 pub use kernels::*;
 
-/// Threads of a workgroup where a stage does not depend on the number.
+/// Threads of a workgroup for stages that do not depend on the number.
 pub const WORKGROUP: u32 = 64;
 
 impl<K: Kernel> Pipeline<K> {
-    /// Records the stage over `items` of its units; nothing for none.
+    /// Records the stage over `items` of its units; does nothing for 0.
     pub fn record(&self, recorder: &mut Recorder, buffers: &K::Buffers<'_>, push: &K::Push, items: u32) {
         let per_group = match K::UNIT {
             Unit::Thread => self.workgroup_size(),
@@ -33,7 +35,7 @@ impl<K: Kernel> Pipeline<K> {
         recorder.dispatch(self, buffers, push, items.div_ceil(per_group.max(1)));
     }
 
-    /// Records the stage over as many workgroups as dispatch `index` of `args` says, see `glsl/shared/dispatch.glsl`.
+    /// Records the stage over the workgroups of dispatch `index` of `args`, see `glsl/shared/dispatch.glsl`.
     pub fn record_indirect(
         &self,
         recorder: &mut Recorder,

@@ -7,12 +7,13 @@ pub use super::constants::ssim::{TILE, WORKGROUP};
 
 /// Weight of 1 − SSIM in the loss; |x − y| has the rest (Kerbl et al. 2023).
 pub const SSIM_WEIGHT: f32 = 0.2;
-/// Threads that sum a frame's tiles: one of 1600 × 1064 pixels has 1700.
+/// Threads that sum a frame's tiles: a frame of 1600 × 1064 pixels has 1700.
 pub const SUM_WORKGROUP: u32 = 256;
 
-/// Pixels of a row that one thread filters, and rows that pass through shared memory at a time. On a GPU few of both, so that many
-/// workgroups have room for their registers and shared memory at once: three quarters of a workgroup's threads then have a run. On a
-/// CPU a whole row of a tile, as every run reads the border anew, and 8 rows, one for each lane of a vector.
+/// Pixels of a row that one thread filters, and rows that pass through shared memory at a time. On a GPU both
+/// are small, so that many workgroups' registers and shared memory fit at once; three quarters of a
+/// workgroup's threads then have a run. On a CPU a run is a whole row of a tile, as every run reads the
+/// border again, and there are 8 rows, one for each lane of a vector.
 pub fn run_and_strip_for(device: &DeviceInfo) -> [u32; 2] {
     if device.constant_lanes().is_some() { [TILE, 8] } else { [4, 4] }
 }
@@ -22,12 +23,12 @@ pub fn tiles_for(frame: &Frame) -> u32 {
     frame.width.div_ceil(TILE) * frame.height.div_ceil(TILE)
 }
 
-/// The most tiles of any of the frames: what each is given in `partials` and `tile_sums`.
+/// The largest number of tiles of any frame, allotted to each in `partials` and `tile_sums`.
 pub fn tiles_per_frame(frames: &[Frame]) -> u32 {
     frames.iter().map(tiles_for).max().unwrap_or(0)
 }
 
-/// Elements of `partials` for so many tiles: one for each channel of each pixel.
+/// Elements of `partials` for `tiles` tiles: one for each channel of each pixel.
 pub fn partials_len(tiles: u32) -> usize {
     tiles as usize * (3 * TILE * TILE) as usize
 }

@@ -1,19 +1,19 @@
-//! What stages report: steps done, and what was too small.
+//! Status words that stages report: steps done, and resources that were too small.
 
 use std::fmt;
 
 use super::constants::status::*;
 
-/// Words of `status`.
+/// Number of words of `status`.
 pub const WORDS: usize = (STATUS_NEEDED + RESOURCES) as usize;
 
 /// The word that counts steps.
 pub const STEPS: usize = STATUS_STEPS as usize;
 
-/// What can be too small; made room for between submissions.
+/// Resources that can be too small; the host enlarges them between submissions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Resource {
-    /// Of splats with tiles.
+    /// Intersections of splats and tiles.
     Intersections = INTERSECTIONS as isize,
     /// The base's capacity.
     BaseGaussians = BASE_GAUSSIANS as isize,
@@ -22,11 +22,11 @@ pub enum Resource {
 }
 
 impl Resource {
-    /// In the order of their bits.
+    /// All resources, in the order of their bits.
     pub const ALL: [Resource; RESOURCES as usize] =
         [Resource::Intersections, Resource::BaseGaussians, Resource::SupplementGaussians];
 
-    /// As kernels are given it.
+    /// Its number in kernels.
     pub fn index(self) -> u32 {
         self as u32
     }
@@ -47,27 +47,27 @@ impl fmt::Display for Resource {
 pub struct Status(pub [u32; WORDS]);
 
 impl Status {
-    /// What the words of a status buffer say.
+    /// Reads the words of a status buffer.
     pub fn read(words: &[u32]) -> Self {
         let mut status = Status::default();
         status.0.iter_mut().zip(words).for_each(|(to, from)| *to = *from);
         status
     }
 
-    /// What a loop begins with, `done` steps of which are done.
+    /// The initial status of a loop with `done` steps already done.
     pub fn of_steps(done: u32) -> Self {
         let mut status = Status::default();
         status.0[STEPS] = done;
         status
     }
 
-    /// As a kernel reports that `needed` of a resource are needed.
+    /// Reports a demand of `needed` for a resource, like a kernel.
     pub fn ask(&mut self, resource: Resource, needed: u32) {
         let most = &mut self.0[(STATUS_NEEDED + resource.index()) as usize];
         *most = needed.max(*most);
     }
 
-    /// As a kernel reports that `needed` of a resource would have been needed.
+    /// Reports that a demand of `needed` for a resource did not fit, like a kernel.
     pub fn fail(&mut self, resource: Resource, needed: u32) {
         self.0[STATUS_FAILED as usize] |= 1 << resource.index();
         self.ask(resource, needed);
@@ -78,23 +78,23 @@ impl Status {
         self.0[STATUS_STEPS as usize]
     }
 
-    /// Whether something was too small, so that nothing has moved since.
+    /// True if a resource was too small, so that nothing has changed since.
     pub fn failed(&self) -> bool {
         self.0[STATUS_FAILED as usize] != 0
     }
 
-    /// The most that was asked for of a resource; of intersections whether there was room or not.
+    /// The largest demand for a resource: of intersections always, of others only if it did not fit.
     pub fn asked(&self, resource: Resource) -> u32 {
         self.0[(STATUS_NEEDED + resource.index()) as usize]
     }
 
-    /// What was too small, and the most that was needed of it.
+    /// Resources that were too small, and the largest demand for each.
     pub fn needs(&self) -> impl Iterator<Item = (Resource, u32)> + '_ {
         let failed = self.0[STATUS_FAILED as usize];
         Resource::ALL.into_iter().filter(move |r| failed >> r.index() & 1 != 0).map(move |r| (r, self.asked(r)))
     }
 
-    /// The most that was needed of a resource that was too small.
+    /// The largest demand for a resource that was too small.
     pub fn needed(&self, resource: Resource) -> Option<u32> {
         self.needs().find(|(r, _)| *r == resource).map(|(_, n)| n)
     }

@@ -1,4 +1,4 @@
-//! Density control: what stays, what is drawn, and what becomes of it.
+//! Host adapters of density control's twins: pruning, drawing and applying.
 
 use glam::DVec3;
 
@@ -89,7 +89,7 @@ pub(super) fn density_score(h: kernels::density_score::Host<'_>) -> Outcome {
     Ok(())
 }
 
-/// How many of a page's Gaussians the dispatch takes.
+/// Number of a page's Gaussians that the dispatch takes.
 fn count_of(population: &[u32], segment: u32, page_first: u32, stride: u32, threads: usize) -> usize {
     page(population, segment, page_first, stride, threads).1
 }
@@ -187,7 +187,7 @@ pub(super) fn density_apply(h: kernels::density_apply::Host<'_>) -> Outcome {
             h.geometry[quad(LOG_SCALE)][LOG_SCALE % 4 + c] = new.log_scale[c] as f32;
         }
         h.geometry[quad(OPACITY)][OPACITY % 4] = new.logit as f32;
-        // Quad q's are quads moments · q and those after it.
+        // Quad q's moments are quads moments · q and those after it.
         for q in 0..moments * layout::quads(GEOMETRY_PLANES) {
             let own = &mut h.geometry_moments[q * stride as usize + place];
             if begins.all {

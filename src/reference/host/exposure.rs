@@ -1,4 +1,4 @@
-//! Exposure correction.
+//! Host adapters of exposure correction's twins.
 
 use super::{Outcome, failed, pixels, wide_rows};
 use crate::{
@@ -16,7 +16,7 @@ use crate::{
 
 twins!(exposure_apply, exposure_backward, exposure_step);
 
-/// As many numbers as the array has, from the first on.
+/// Reads `N` numbers from `first` on.
 fn take<const N: usize>(from: &[f32], first: usize) -> [f64; N] {
     std::array::from_fn(|k| f64::from(from[first + k]))
 }

@@ -1,4 +1,4 @@
-//! From gradient records to parameters, and the counting of steps.
+//! Host adapters of the optimiser's twins: gradient records to parameters, and the counting of steps.
 
 use glam::DVec3;
 
@@ -29,7 +29,7 @@ pub(super) fn step_done(h: kernels::step_done::Host<'_>) -> Outcome {
     Ok(())
 }
 
-/// A page's parameters, and what lies beside them: moments, or gradients that are added up.
+/// A page's parameters, and their moments or accumulated gradients.
 struct Planes<'a> {
     geometry: &'a mut [[f32; 4]],
     sh: &'a mut [[f32; 4]],
@@ -41,7 +41,7 @@ struct Planes<'a> {
     newton: bool,
 }
 
-/// What moves.
+/// The part of the parameters that steps.
 #[derive(Clone, Copy)]
 struct Moves {
     has_lobes: bool,
@@ -50,7 +50,7 @@ struct Moves {
 }
 
 impl Moves {
-    /// Groups of parameters that move, each with its number among all.
+    /// Groups of parameters that step, each with its number among all.
     fn groups(self) -> impl Iterator<Item = (usize, layout::Group)> {
         let moves = move |group: &layout::Group| match group.array {
             Array::Lobes => self.has_lobes && !self.opacity_only,
@@ -60,12 +60,13 @@ impl Moves {
         layout::groups(self.sh_degree).into_iter().enumerate().filter(move |(_, group)| moves(group))
     }
 
-    /// The plane among gradients of plane p: opacity's is the first where nothing else learns.
+    /// The plane of gradients of plane p: opacity's is the first if nothing else learns.
     fn beside(self, p: usize) -> usize {
         if self.opacity_only { 0 } else { p }
     }
 
-    /// The planes of both moments of plane p, of which a quad's are two quads; the same plane where they are one word.
+    /// The planes of both moments of plane p; a quad's moments are two quads. The same plane twice if both
+    /// share a word.
     fn moments(self, p: usize, packed: bool) -> [usize; 2] {
         let first = if packed || self.opacity_only { self.beside(p) } else { 8 * (p / 4) + p % 4 };
         match (packed, self.opacity_only) {
@@ -85,7 +86,7 @@ fn values(grads: &Params, array: Array) -> &[f64] {
     }
 }
 
-/// All that moves has a finite gradient.
+/// True if every parameter that steps has a finite gradient.
 fn is_sound(grads: &Params, moves: Moves, place: usize) -> bool {
     let finite = |(_, group): (usize, layout::Group)| {
         group.planes.clone().all(|p| values(grads, group.array)[p * grads.stride + place].is_finite())
@@ -104,11 +105,11 @@ impl Planes<'_> {
         (params.as_flattened_mut(), beside.as_flattened_mut())
     }
 
-    /// One step of the places that `steps` names, or what a probe says of their curvature.
+    /// Steps the places marked in `steps`, or updates their curvature from a probe.
     fn step(&mut self, grads: &Params, steps: &[bool], moves: Moves, r: &StepRates) {
         let rates =
             [r.mean, r.log_scale, r.quat, r.opacity, r.dc, r.sh, r.direction, r.width, r.sharpness].map(f64::from);
-        // The kernel multiplies by what the twin divides by.
+        // The kernel multiplies by the corrections, the twin divides.
         let correct = |corrections: [f32; 2]| corrections.map(|c| 1.0 / f64::from(c));
         let Planes { stride, page_first, packed, newton, .. } = *self;
         for (number, group) in moves.groups() {
@@ -126,7 +127,7 @@ impl Planes<'_> {
             }
             let (params, moments) = self.array(group.array);
             for p in group.planes.clone() {
-                // Newton's of harmonics: the constant's curvature goes before all first moments.
+                // Newton's step of harmonics: the constant's curvature precedes all first moments.
                 let newtons = newton && !packed && group.array == Array::Sh;
                 let words = if newtons { [4 + p, p] } else { moves.moments(p, packed) };
                 for place in (0..steps.len()).filter(|&place| steps[place]) {
@@ -155,13 +156,13 @@ impl Planes<'_> {
         }
     }
 
-    /// What is known of the curvature of the constant colour of the first `count` places.
+    /// Curvature of the constant colour of the first `count` places.
     fn known_curvature(&self, count: usize) -> Vec<[f64; 3]> {
         let known = |word: f32| if self.packed { unpack_moments(word.to_bits())[1] } else { f64::from(word) };
         self.beside[1][..count].iter().map(|quad| [0, 1, 2].map(|c| known(quad[c]))).collect()
     }
 
-    /// Newton's step of `bands` coefficients of harmonics beyond the constant one, by whose curvature they go.
+    /// Newton's step of `bands` coefficients of harmonics beyond the constant one, whose curvature they use.
     fn step_bands(&mut self, grads: &[f64], steps: &[bool], bands: usize, rate: &PlaneRate, r: &StepRates) {
         let Planes { stride, page_first, packed, .. } = *self;
         let (params, moments) = self.array(Array::Sh);
@@ -191,7 +192,7 @@ impl Planes<'_> {
         }
     }
 
-    /// Adds gradients up, and 1 for each Gaussian that is blended.
+    /// Adds gradients up, and counts views for each Gaussian that is blended.
     fn add(&mut self, grads: &Params, places: &[bool], moves: Moves, blended: &[bool]) {
         let stride = self.stride;
         let places: Vec<usize> = (0..places.len()).filter(|&place| places[place]).collect();
@@ -211,7 +212,8 @@ impl Planes<'_> {
         }
     }
 
-    /// A unit vector in place of `N` planes' own where a step would turn that wildly or not at all; the length that it had.
+    /// Normalises the vector in `N` planes before a step that would turn it wildly or not at all; returns its
+    /// former length.
     fn make_unit<const N: usize>(&mut self, array: Array, plane: usize, place: usize) -> Option<f64> {
         let stride = self.stride;
         let (params, _) = self.array(array);
@@ -244,7 +246,7 @@ pub(super) fn adam(h: kernels::adam::Host<'_>) -> Outcome {
     let beside = [h.geometry_moments, h.sh_moments, h.lobe_moments];
     let [geometry, sh, lobes] = [h.geometry, h.sh, h.lobes];
     let mut planes = Planes { geometry, sh, lobes, beside, stride, page_first, packed, newton: false };
-    // What is made a unit vector has the gradient of that vector: longer by the length.
+    // A normalised vector takes the gradient of its unit vector: longer by the vector's length.
     for place in (0..count).filter(|&place| steps[place] && !opacity_only) {
         scale(&mut grads.geometry, QUAT..QUAT + 4, stride, place, || {
             planes.make_unit::<4>(Array::Geometry, QUAT, place)
@@ -259,7 +261,7 @@ pub(super) fn adam(h: kernels::adam::Host<'_>) -> Outcome {
     Ok(())
 }
 
-/// Multiplies a vector's gradient by what `by` says, which is asked where the gradient is not 0.
+/// Multiplies a vector's gradient by the result of `by`, which is called only if the gradient is not 0.
 fn scale(
     grads: &mut [f64],
     planes: std::ops::Range<usize>,
@@ -323,7 +325,7 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
                 false => [h.record_centres[at], h.record_shapes[at], h.record_colours[at]],
             };
             if opacity_only {
-                // The first part is a mark, and the others are not there.
+                // The first part is a mark, and the others are missing.
                 *mark |= parts[0][0] != 0.0;
                 parts[0][0] = 0.0;
                 parts[0][1] = 0.0;
@@ -353,7 +355,7 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
     }
     let params = read(&planes);
     let options = Options { active_degree: sh_degree, compensate, ..Default::default() };
-    // The kernel too goes through the projection again.
+    // The kernel also repeats the projection.
     let splats = twin::project::project(&params, &view, &options).splats;
     let mut grads = if newton && rates.probe != 0 {
         probe_backward(&params, &view, &options, &splats, sums, &planes.known_curvature(count))

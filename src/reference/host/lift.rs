@@ -1,4 +1,4 @@
-//! Inverse splatting.
+//! Host adapters of inverse splatting's twins.
 
 use super::{Outcome, camera, wide, wide_rows};
 use crate::{
@@ -25,7 +25,7 @@ struct Flat {
 }
 
 impl Flat {
-    /// Of the first `count` places, and `view_count` views.
+    /// Converts the first `count` slots, and `view_count` views.
     fn new(
         (planes, stride): (&[f32], u32),
         (frames, count): (&[u32], usize),
@@ -78,8 +78,8 @@ pub(super) fn lift_points(h: kernels::lift_points::Host<'_>) -> Outcome {
         }
         let set = lifted.set(item);
         for at in 0..n {
-            // Where a pixel at the threshold was counted and is not found here, the last point is there twice, without a weight:
-            // what clusters the points must find one in each place.
+            // If a pixel at the threshold was counted but is not found here, the last point is repeated
+            // without weight: clustering needs a point at each index.
             let last = set.last().map_or([0.0; 4], |&[x, y, z, _]| [x, y, z, 0.0]);
             h.points[first + at] = set.get(at).copied().unwrap_or(last).map(|v| v as f32);
             h.point_sets[first + at] = item as u32;
@@ -91,7 +91,7 @@ pub(super) fn lift_points(h: kernels::lift_points::Host<'_>) -> Outcome {
 
 pub(super) fn lift_join(h: kernels::lift_join::Host<'_>) -> Outcome {
     let points = h.workgroups.threads().min(h.push.point_count as usize);
-    // Sets that have no points here are none of this dispatch's.
+    // Sets without points here belong to other dispatches.
     let mut counts = vec![0; h.point_counts.len()];
     h.point_sets[..points].iter().for_each(|&set| counts[set as usize] = h.point_counts[set as usize]);
     let taus = wide(h.taus);
@@ -121,7 +121,7 @@ pub(super) fn lift_groups(h: kernels::lift_groups::Host<'_>) -> Outcome {
     h.prime_labels[..count].copy_from_slice(&clusters.prime_labels);
     h.cluster_sizes[..count].copy_from_slice(&clusters.cluster_sizes);
     if failed {
-        // The dispatches of another round: the points', and this one again.
+        // The dispatches of another round: lift_join's, and this one again.
         let joins = twin::dispatch_args::dispatch_args(point_count, u32::MAX, h.workgroups.size).2;
         let [x, y, _] = h.workgroups.count;
         let asked = joins.into_iter().chain([x, y, 1]);

@@ -1,4 +1,4 @@
-//! The photometric loss.
+//! Host adapters of the photometric loss's twins.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::{
 
 twins!(loss_probe, loss_sum, ssim_backward, ssim_forward);
 
-/// The twins have the weight of the method.
+/// The twins only have the method's weight.
 fn check(ssim_weight: f32) -> Outcome {
     if ssim_weight == SSIM_WEIGHT {
         return Ok(());
@@ -23,7 +23,7 @@ fn check(ssim_weight: f32) -> Outcome {
     Err(format!("the weight of SSIM is {ssim_weight}, the twin has {SSIM_WEIGHT} only"))
 }
 
-/// Which tiles a dispatch takes.
+/// The tiles that a dispatch takes.
 struct Tiles<'a> {
     frames: &'a [Frame],
     /// With a list, the tiles on it.
@@ -51,7 +51,7 @@ impl<'a> Tiles<'a> {
     }
 }
 
-/// Columns and rows of a frame's pixels that are in a tile.
+/// Columns and rows of a frame's pixels in a tile.
 fn pixels_of(frame: &Frame, tile: u32) -> impl Iterator<Item = (u32, u32)> {
     let (width, height) = (frame.width, frame.height);
     let across = width.div_ceil(TILE);
@@ -59,7 +59,7 @@ fn pixels_of(frame: &Frame, tile: u32) -> impl Iterator<Item = (u32, u32)> {
     (top..(top + TILE).min(height)).flat_map(move |y| (left..(left + TILE).min(width)).map(move |x| (x, y)))
 }
 
-/// Where the partial derivatives of a pixel's channel lie; `partial_index` of `glsl/shared/runs.glsl`.
+/// Index of the partial derivatives of a pixel's channel; `partial_index` of `glsl/shared/runs.glsl`.
 fn partials_at(
     frame: &Frame,
     f: usize,
@@ -74,7 +74,7 @@ fn partials_at(
     (3 * strip as usize + channel) * strip_pixels + within as usize
 }
 
-/// What a kernel of the loss reads of a frame.
+/// A frame's pixels as read by the kernels of the loss.
 fn read<'a>(frame: &Frame, image: &[[f32; 4]], targets: &'a [u32]) -> (Vec<[f64; 4]>, &'a [u32]) {
     let pixels = pixels(frame);
     let targets = &targets[frame.target_first as usize..][..pixels.len()];
@@ -121,7 +121,7 @@ pub(super) fn ssim_backward(h: kernels::ssim_backward::Host<'_>) -> Outcome {
     for (f, tiles) in tiles.by_frame() {
         let frame = &frames[f];
         let (image, targets) = read(frame, h.image, h.targets);
-        // Tiles that are not listed may hold anything; no listed one looks at them.
+        // Tiles that are not listed may hold any values; no listed tile reads them.
         let partials: Vec<[[f64; 3]; 3]> = (0..frame.height)
             .flat_map(|y| (0..frame.width).map(move |x| (x, y)))
             .map(|pixel| {

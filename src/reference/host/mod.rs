@@ -1,8 +1,9 @@
-//! The twins as stand-ins for their kernels ([`crate::gpu::Twin`]): from the buffers of a dispatch to the twin's float64, and back to
-//! float32.
+//! Adapters that let the twins replace their kernels ([`crate::gpu::Twin`]): from the buffers of a dispatch
+//! to the twin's float64, and back to float32.
 //!
-//! An adapter does what the kernel does with the buffers, in every variant: it takes no more items than the dispatch has threads for, leaves
-//! alone what the kernel leaves alone, and does not look at what the variant does not use. What it computes with them is the twin's.
+//! An adapter treats the buffers like the kernel, in every variant. It takes no more items than the dispatch
+//! has threads for, leaves unchanged what the kernel leaves unchanged, and does not read buffers that the
+//! variant does not use. The twin does the computation.
 
 use glam::{DMat3, DVec3, DVec4};
 
@@ -16,7 +17,7 @@ use crate::{
     },
 };
 
-/// What an adapter says: nothing, or why the twin cannot stand in.
+/// Result of an adapter: nothing, or why the twin cannot replace the kernel.
 type Outcome = Result<(), String>;
 
 /// The adapters of a module, each by its stage's name.
@@ -40,7 +41,7 @@ mod raster;
 mod screen;
 mod sort;
 
-/// The twins of all stages but fma_rate: it measures a rate, which the host's is not.
+/// The twins of all stages except fma_rate, which measures a rate that the host does not have.
 pub fn twins() -> Vec<Twin> {
     [
         density::TWINS,
@@ -74,18 +75,18 @@ fn failed(status: &[u32]) -> bool {
     Status::read(status).failed()
 }
 
-/// Index of the first Gaussian of a page and how many of its Gaussians the dispatch takes.
+/// Index of the first Gaussian of a page, and the number of its Gaussians that the dispatch takes.
 fn page(population: &[u32], segment: u32, page_first: u32, stride: u32, threads: usize) -> (usize, usize) {
     let first = population[segment as usize] + page_first;
     let there = population[segment as usize + 1].saturating_sub(first).min(stride);
     (first as usize, threads.min(there as usize))
 }
 
-/// Where the gradient records of a Gaussian are; `records_of` of `glsl/shared/records.glsl`.
+/// Range of the gradient records of a Gaussian; `records_of` of `glsl/shared/records.glsl`.
 fn records_of(i: usize, by_gaussian: bool, tile_counts: &[u32], first_slot: &[u32]) -> std::ops::Range<usize> {
     match (by_gaussian, tile_counts[i] as usize) {
         (true, _) => i..i + 1,
-        // Of what is not seen the first slot means nothing.
+        // If a Gaussian is not visible its first slot is undefined.
         (false, 0) => 0..0,
         (false, tiles) => first_slot[i] as usize..first_slot[i] as usize + tiles,
     }

@@ -1,4 +1,4 @@
-//! How many Gaussians there are, and their moves.
+//! Host adapters of the twins that count and move Gaussians.
 
 use super::Outcome;
 use crate::{
@@ -28,7 +28,8 @@ pub(super) fn recount(h: kernels::recount::Host<'_>) -> Outcome {
 pub(super) fn gather(h: kernels::gather::Host<'_>) -> Outcome {
     let kernels::gather::Push { count_index, targets, page_first, stride, quad } = h.push;
     let count = h.workgroups.threads().min(h.count[count_index as usize].min(targets) as usize);
-    // Targets whose source is of this page, and its place there. What begins at 0 is the first page's business.
+    // Targets whose source is in this page, and its place there. The first page handles targets that start at
+    // 0.
     let place = |&source: &u32| match source {
         NONE => (page_first == 0).then_some(NONE),
         _ => source.checked_sub(page_first).filter(|&place| place < stride),

@@ -1,4 +1,4 @@
-//! Residual pursuit.
+//! Host adapters of residual pursuit's twins.
 
 use super::{Outcome, view, wide};
 use crate::{

@@ -1,4 +1,4 @@
-//! From Gaussians to pixels and back to gradient records.
+//! Host adapters of the rasteriser's twins: from Gaussians to pixels and back to gradient records.
 
 use std::borrow::Cow;
 
@@ -59,7 +59,7 @@ pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
     Ok(())
 }
 
-/// A page of geometry, three quads for each Gaussian, from one of either width.
+/// A page of geometry at full width, three quads for each Gaussian, from one of either width.
 fn whole_geometry(geometry: &[[f32; 4]], half_width: bool, stride: u32) -> Cow<'_, [[f32; 4]]> {
     match half_width {
         true => layout::unpack_geometry_page(geometry, stride as usize).into(),
@@ -72,14 +72,14 @@ pub(super) fn narrow(s: &Splat) -> (types::Splat, [f32; 3]) {
     (types::Splat { shape, centre: [s.x as f32, s.y as f32] }, s.color().map(|c| c as f32))
 }
 
-/// Of the camera's z nothing here makes use.
+/// Converts a splat to float64. Camera z is not used here.
 pub(super) fn wide_splat(s: &types::Splat, colour: [f32; 3]) -> Splat {
     let ([x, y], [l11, l12, l22, opacity]) = (s.centre.map(f64::from), s.shape.map(f64::from));
     let [r, g, b] = colour.map(f64::from);
     Splat { x, y, l11, l12, l22, opacity, r, g, b, z: 1.0 }
 }
 
-/// The tiles of a frame in the grid of its batch, whose rows have `tiles_x`.
+/// The tiles of a frame in the grid of its batch, with rows of `tiles_x`.
 fn tiling(frame: &Frame, [tile_width, tile_height]: [u32; 2], tiles_x: u32, tiles_per_frame: u32) -> Tiling {
     let tiles_y = tiles_per_frame / tiles_x.max(1);
     Tiling { width: frame.width, height: frame.height, tile_width, tile_height, tiles_x, tiles_y }
@@ -140,11 +140,11 @@ struct Lists<'a> {
     frame_first: u32,
     tiles_x: u32,
     tiles_per_frame: u32,
-    /// By tile.
+    /// By tile: whether the dispatch takes it.
     taken: Vec<bool>,
 }
 
-/// Which tiles of a grid are taken: all, or those that are listed.
+/// Marks the tiles of a grid that are taken: all, or those listed.
 fn taken(tile_count: u32, listed: bool, tile_list: &[u32], tile_list_count: &[u32]) -> Vec<bool> {
     let mut taken = vec![!listed; tile_count as usize];
     if listed {
@@ -154,7 +154,7 @@ fn taken(tile_count: u32, listed: bool, tile_list: &[u32], tile_list_count: &[u3
 }
 
 impl Lists<'_> {
-    /// One frame of the grid after the other, with those of its tiles that are taken.
+    /// Visits the frames of the grid in turn, with their tiles that are taken.
     fn for_each_frame(&self, mut visit: impl FnMut(&Frame, &Intersections, &[bool])) {
         let mut isects = Intersections {
             isect_slots: self.isect_slots.to_vec(),
@@ -196,7 +196,7 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
         listed,
         ..
     } = h.spec;
-    // Where the list holds Gaussians, the slot of each is where it lies in the list.
+    // If the list holds Gaussians, the slot of each is its position in the list.
     let places: Vec<u32> = (0..h.isect_slots.len() as u32).collect();
     let (isect_slots, global_from_slot) = match direct {
         true => (&places[..], h.isect_slots.to_vec()),
@@ -248,20 +248,20 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
     Ok(())
 }
 
-/// What both backward passes of the blend go by.
+/// Input of both backward passes of the blend.
 struct Backward<'a> {
     lists: Lists<'a>,
     splats: &'a [types::Splat],
     splat_colours: &'a [[f32; 3]],
     image: &'a [[f32; 4]],
     image_grad: &'a [f32],
-    /// Index of the first Gaussian whose record has all its parts.
+    /// Index of the first Gaussian with a complete record.
     all_first: u32,
 }
 
 impl Backward<'_> {
-    /// Slot, Gaussian and record of every intersection that some pixel blends; of a Gaussian that learns its opacity only the
-    /// record has that part, and 1 in the first.
+    /// Slot, Gaussian and record of every intersection that some pixel blends. If a Gaussian learns only its
+    /// opacity, the record has only that part, and 1 in the first.
     fn for_each_record(&self, mut put: impl FnMut(usize, u32, Record)) {
         let splats = wide_splats(self.splats, self.splat_colours);
         self.lists.for_each_frame(|frame, isects, _| {
@@ -269,7 +269,8 @@ impl Backward<'_> {
             let image = wide_rows(&self.image[pixels.clone()]);
             let (rows, _) = self.image_grad[3 * pixels.start..3 * pixels.end].as_chunks::<3>();
             let records = twin::blend_backward::blend_backward(&splats, isects, &image, &wide_rows(rows));
-            // By a gradient of 1 everywhere a colour's part is not 0 just where a pixel blends the Gaussian.
+            // With a gradient of 1 everywhere, a colour's part is not 0 if and only if a pixel blends the
+            // Gaussian.
             let ones = vec![[1.0; 3]; image.len()];
             let blended = twin::blend_backward::blend_backward(&splats, isects, &image, &ones);
             for range in &isects.tile_ranges {
@@ -287,7 +288,7 @@ impl Backward<'_> {
     }
 }
 
-/// From the host of either backward pass.
+/// Builds [`Backward`] from the host of either backward pass.
 macro_rules! backward {
     ($h:ident) => {
         Backward {
@@ -311,7 +312,7 @@ macro_rules! backward {
     };
 }
 
-/// The three parts that records lie in.
+/// The three parts in which records are stored.
 fn parts(record: &Record) -> [[f32; 3]; 3] {
     [0, 3, 6].map(|first| [0, 1, 2].map(|c| record[first + c] as f32))
 }
@@ -322,7 +323,7 @@ pub(super) fn blend_backward(h: kernels::blend_backward::Host<'_>) -> Outcome {
         let [centre, shape, mut colour] = parts(&record);
         let all = global >= backward.all_first;
         if h.spec.scores {
-            // The third is nobody's.
+            // The third is not used.
             colour[2] = 0.0;
         }
         match (h.spec.packed_records, h.spec.scores) {
@@ -350,7 +351,7 @@ pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>)
         records.push(record);
     });
     if h.spec.scores {
-        // Of the colours' three sums two are wanted, and nothing else.
+        // Only two of the colours' three sums are used.
         records
             .iter_mut()
             .for_each(|record| *record = std::array::from_fn(|k| if [6, 7].contains(&k) { record[k] } else { 0.0 }));
@@ -372,7 +373,7 @@ pub(super) fn median_depth(h: kernels::median_depth::Host<'_>) -> Outcome {
     let (first, count) = page(h.population, segment, page_first, stride, usize::MAX);
     let first = first + splat_first as usize;
     let pixels = h.workgroups.threads().min(view.width as usize * view.height as usize);
-    // By place in the page; other pages take the other pixels.
+    // Indices by place in the page; other pages take the other pixels.
     let here = |&i: &u32| i.checked_sub(first as u32).filter(|&place| i != NONE && (place as usize) < count);
     let median: Vec<u32> = h.median_ids[..pixels].iter().map(|i| here(i).unwrap_or(NONE)).collect();
     let geometry = whole_geometry(h.geometry, h.spec.half_width, stride);

@@ -1,4 +1,4 @@
-//! 2D Gaussians from draw to prune.
+//! Host adapters of the screen phase's twins: 2D Gaussians from draw to prune.
 
 use super::{Outcome, failed, pixels, raster, records_of, wide, wide_rows};
 use crate::{
@@ -23,7 +23,7 @@ twins!(screen_backward, screen_draw, screen_project, screen_prune, screen_tiles)
 
 const LEARNED_PLANES: usize = LEARNED as usize;
 
-/// The places of each frame's Gaussians; views that wait have none.
+/// The slots of each frame's Gaussians; views that wait have none.
 fn places(screen_frames: &[u32], states: &[ScreenState]) -> Vec<Vec<usize>> {
     let mut all = vec![Vec::new(); states.len()];
     for (i, &f) in screen_frames.iter().enumerate().filter(|(_, f)| **f != NONE) {
@@ -59,7 +59,8 @@ pub(super) fn screen_project(h: kernels::screen_project::Host<'_>) -> Outcome {
             h.screen_planes[DEPTH * stride as usize + i] = gaussians[j][DEPTH] as f32;
             if projected.tile_counts[j] > 0 {
                 (h.splats[i], h.splat_colours[i]) = raster::narrow(&projected.splats[j]);
-                // What has no depth lies behind everything: the largest double is infinite here.
+                // A Gaussian without a depth lies behind everything: the largest double becomes infinite
+                // here.
                 h.depth_keys[i] = (projected.depths[j] as f32).to_bits();
                 h.tile_counts[i] = projected.tile_counts[j];
             }
@@ -109,7 +110,7 @@ pub(super) fn screen_backward(h: kernels::screen_backward::Host<'_>) -> Outcome 
             age: h.screen_ages[i],
         };
         let mut states: Vec<ScreenMoments> = places.iter().map(state).collect();
-        // The kernel keeps the squares within float32; what is infinite stays so, and the twin passes it over.
+        // The kernel keeps squares within float32. Infinite gradients stay infinite, and the twin skips them.
         let cut = |g: f64| if g.is_finite() { g.clamp(-GRADIENT_MAX, GRADIENT_MAX) } else { g };
         let grads: Vec<ScreenGrad> = grads.iter().map(|grad| grad.map(cut)).collect();
         screen_step(&mut gaussians, &grads, &mut states, h.frames[f].width, h.frames[f].height);

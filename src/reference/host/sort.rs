@@ -1,4 +1,4 @@
-//! Scan, radix sort, and dispatches made of counts.
+//! Host adapters of the twins of scan, radix sort and dispatch arguments.
 
 use super::Outcome;
 use crate::{
@@ -12,7 +12,7 @@ use crate::{
 
 twins!(dispatch_args, radix_downsweep, radix_spine, radix_upsweep, scan_apply, scan_reduce, scan_spine);
 
-/// Items of `count`, of which the dispatch takes no more than its subgroups have blocks for; and their blocks.
+/// Items of `count`, at most those for whose blocks the dispatch has subgroups; and their blocks.
 fn blocks(count: u32, block: u32, subgroups: usize) -> (usize, usize) {
     let items = (count as usize).min(subgroups * block as usize);
     (items, items.div_ceil(block as usize))
@@ -43,7 +43,7 @@ pub(super) fn scan_reduce(h: kernels::scan_reduce::Host<'_>) -> Outcome {
     Ok(())
 }
 
-/// What the twins of a scan are given of the values and the index, which is not read without `gather`.
+/// Arguments of a scan's twin: values, and the index, which is not read without `gather`.
 fn scanned<'a>(values: &'a [u32], index: &'a [u32], gather: bool, items: usize) -> (&'a [u32], Option<&'a [u32]>) {
     if gather { (values, Some(&index[..items])) } else { (&values[..items], None) }
 }
