@@ -1,5 +1,5 @@
-//! From what a dataset's files list to photos: which are there, which are for testing, what each goes through, and what of
-//! all this is worth telling.
+//! Assembles the listed photos of a dataset: finds their files, splits them into training and testing, sets
+//! up their lenses, and collects notes for the user.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -17,12 +17,12 @@ use super::{names, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
 
-/// Of the photos sorted by name, the first and every 8th after it are for testing (Mip-NeRF 360, 3DGS).
+/// Without lists, the first photo by name and every 8th after it are for testing (Mip-NeRF 360, 3DGS).
 const TEST_EVERY: u32 = 8;
-/// A part of a photo that its file does not show is told from here on.
+/// A note reports a photo if more than this fraction of it is outside of its file.
 const TOLD_OUTSIDE: f64 = 0.01;
 
-/// What is to be told of a folder of masks that is there for nothing.
+/// A note for a folder of masks that no photo uses.
 pub(super) fn unused_masks(there: bool, shots: &[Shot]) -> Option<String> {
     let unused = there && shots.iter().all(|shot| shot.mask.is_none());
     let name = shots.first().map(|shot| shot.name.strip_prefix("images/").unwrap_or(&shot.name)).filter(|_| unused);
@@ -33,16 +33,16 @@ pub(super) fn unused_masks(there: bool, shots: &[Shot]) -> Option<String> {
     })
 }
 
-/// What a dataset's files say.
+/// Contents of a dataset's files.
 pub(super) struct Listed {
     pub(super) shots: Vec<Shot>,
     pub(super) points: Option<PointCloud>,
-    /// The files that were read.
+    /// The files read.
     pub(super) sources: Vec<PathBuf>,
     pub(super) notes: Vec<String>,
 }
 
-/// `kind` is [`DatasetKind::Transforms`] also for what may turn out to be NeRF Synthetic.
+/// `kind` is [`DatasetKind::Transforms`] also for datasets that may turn out to be NeRF Synthetic.
 pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptions) -> Result<Dataset> {
     let Listed { mut shots, points, sources, mut notes } = listed;
     one_split_each(&mut shots, &mut notes);
@@ -57,7 +57,8 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     shots.sort_by(|a, b| a.name.cmp(&b.name));
     split(&mut shots, options.holdout);
     let shots = present(shots, &mut notes)?;
-    // NeRF Synthetic has angles, and its photos in files for training and for testing.
+    // NeRF Synthetic gives angles as focal lengths, and lists photos in separate files for training and
+    // testing.
     let blender = sources.first().is_some_and(|path| path.ends_with(transforms::TRAIN))
         && shots.iter().all(|shot| matches!(shot.camera.focal, Focal::Angles { .. }));
     let masked = shots.iter().filter(|shot| shot.mask.is_some()).count();
@@ -67,7 +68,7 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     }
 
     let results: Vec<Result<Prepared>> = shots.into_par_iter().map(|shot| prepare(shot, options)).collect();
-    // Collected first, so that of several faults the first by name is told.
+    // Collected first, so that the error names the first of several faulty photos.
     let prepared = results.into_iter().collect::<Result<Vec<_>>>()?;
     let transparent = prepared.iter().filter(|photo| photo.has_alpha).count();
     tell(&prepared, &mut notes);
@@ -97,7 +98,7 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listed, options: &DatasetOptio
     Ok(dataset)
 }
 
-/// A photo that stands in both splits is for testing alone: to train on it would be to know the answer.
+/// A photo in both splits is used for testing only: training must not see it.
 fn one_split_each(shots: &mut Vec<Shot>, notes: &mut Vec<String>) {
     let tests: HashSet<PathBuf> =
         shots.iter().filter(|shot| shot.split == Some(Split::Test)).filter_map(|shot| shot.path.clone()).collect();
@@ -110,8 +111,8 @@ fn one_split_each(shots: &mut Vec<Shot>, notes: &mut Vec<String>) {
     }
 }
 
-/// Splits photos that are sorted by name. Those that are not there have their place in the order, so that a missing one moves
-/// no other.
+/// Splits photos that are sorted by name. Missing photos keep their place in the order, so that they do not
+/// move others to another split.
 fn split(shots: &mut [Shot], holdout: Holdout) {
     let test = |is_test: bool| if is_test { Split::Test } else { Split::Train };
     let every = |n: u32, i: usize| test(i.is_multiple_of(n as usize));
@@ -186,9 +187,9 @@ fn present(mut shots: Vec<Shot>, notes: &mut Vec<String>) -> Result<Vec<Shot>> {
 /// A file's photos: one, or the faces of a panorama.
 struct Prepared {
     photos: Vec<Photo>,
-    /// The part of it that the file does not show.
+    /// Fraction of the picture outside of the file.
     outside: f64,
-    /// Principal point and size of the file, where the point is not in the picture.
+    /// Principal point and size of the file, if the point is outside of the picture.
     off: Option<([f64; 2], [u32; 2])>,
     has_alpha: bool,
     /// See [`ImageFile::orientation`].
@@ -197,7 +198,8 @@ struct Prepared {
     distortion: Distortion,
 }
 
-/// The intrinsics for a file of this size and its EXIF orientation, which is 1 unless only the turned picture fits the camera.
+/// Intrinsics for a file of this size, and its EXIF orientation. The orientation is 1 unless only the rotated
+/// picture fits the camera.
 fn turned(shot: &Shot, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), String> {
     let stored = shot.camera.for_image(size);
     if stored.is_ok() && !shot.camera.seems_turned(size) {
@@ -215,14 +217,14 @@ fn turned(shot: &Shot, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), Strin
 }
 
 fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
-    // Only photos that are there come here.
+    // Missing photos were removed before.
     let path = shot.path.as_ref().unwrap_or(&shot.expected).clone();
     let images::Header { size, bytes_per_pixel, has_alpha, ends_early } = images::open(&path)?;
     let fail = |what: String| Error::input(&path, format!("{what} (listed in {})", shot.listed_in.display()));
     let (frame, orientation) = turned(&shot, &path, size).map_err(fail)?;
     let size = images::upright(size, orientation);
     let numbers = [frame.fx, frame.fy, frame.cx, frame.cy].into_iter().chain(shot.translation.to_array());
-    // What reaches the device is float32.
+    // The device uses float32.
     // guard: cameras within float32
     if !numbers.clone().all(|v| (v as f32).is_finite()) || !numbers.take(2).all(|v| (v as f32).is_normal()) {
         return Err(fail("its camera's numbers are too large or too small for 32 bits".into()));
@@ -243,7 +245,7 @@ fn prepare(shot: Shot, options: &DatasetOptions) -> Result<Prepared> {
     let split = shot.split.unwrap_or(Split::Train);
     let photos = lenses.into_iter().map(|(name, lens)| {
         let Frame { width, height, fx, fy, cx, cy } = lens.view;
-        // World to file's axes to view's axes.
+        // From world axes to the file's axes to the view's axes.
         let back = lens.turn.transpose();
         let (rotation, translation) = (back * shot.rotation, back * shot.translation);
         let full = Camera { width, height, fx, fy, cx, cy, rotation, translation };

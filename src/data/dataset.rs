@@ -1,4 +1,4 @@
-//! Photos with their cameras, read from COLMAP or transforms.json datasets or made in memory.
+//! Photos with their cameras: read from COLMAP or transforms.json datasets, or made in memory.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -16,54 +16,57 @@ use super::{advice, assemble, colmap, places, reduced, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
 
-/// Memory that photos may take that are decoded at the same time, bytes. One is always decoded, whatever it takes.
+/// Maximum memory of photos that are decoded at the same time, bytes. A single photo is decoded regardless of
+/// its size.
 const DECODING: u64 = 1 << 30;
 
-/// The folders beside a photo's own, by the same names, that hold its diffuse and its specular part where the truth is known.
+/// Folders next to the photos' own with their diffuse and specular parts, under the same names, if the truth
+/// is known.
 pub const DIFFUSE: &str = "diffuse";
 /// See [`DIFFUSE`].
 pub const SPECULAR: &str = "specular";
 
-/// How photos are found and prepared.
+/// Options for finding and preparing photos.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DatasetOptions {
-    /// Photos whose longer side exceeds this many pixels are reduced to it. Nothing is ever enlarged.
+    /// Maximum longer side, pixels: larger photos are downscaled to it, smaller ones are never enlarged.
     pub max_size: Option<u32>,
-    /// How they are reduced.
+    /// Method of downscaling.
     pub reduce: Reduce,
-    /// Photos that `images_2`, `_4` or `_8` has at the size that they would be reduced to are taken from there, unless `images` says where
-    /// they are.
+    /// Use the photos in `images_2`, `_4` or `_8` if their size equals the downscaled size. Ignored if
+    /// `images` is set.
     pub reduced_folders: bool,
-    /// What transparent pixels are put over, sRGB values 0 to 1. Black by default.
+    /// Color behind transparent pixels, sRGB values 0 to 1. Black by default.
     pub background: [f32; 3],
-    /// The folder of the photos, in the dataset or a path of its own; by default where the dataset has them.
+    /// Folder of the photos, in the dataset or elsewhere; `None` for the dataset's usual folder.
     pub images: Option<PathBuf>,
-    /// The folder of the COLMAP model, in the dataset or a path of its own; by default the first of the usual places.
+    /// Folder of the COLMAP model, in the dataset or elsewhere; `None` for the first of the usual places.
     pub model: Option<PathBuf>,
-    /// Which photos are for testing, where the dataset does not say.
+    /// Selects the test photos, unless the dataset lists them.
     pub holdout: Holdout,
-    /// What transparency means.
+    /// Meaning of transparency.
     pub alpha: Alpha,
 }
 
-/// Which photos are for testing.
+/// Selection of the test photos.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Holdout {
-    /// Those that the dataset's own lists name; without lists the first by name and every 8th after it.
+    /// The dataset's own lists; without lists, the first by name and every 8th after it.
     #[default]
     Dataset,
     /// The first by name and every n-th after it.
     Every(u32),
-    /// An eighth that lies together: of cameras that go round something, by angle; else one end of their largest spread.
+    /// A contiguous eighth of the cameras: by angle if they surround something, otherwise one end of their
+    /// largest spread.
     Sector,
-    /// None: all are for training.
+    /// None: all photos are for training.
     Nothing,
 }
 
 impl FromStr for Holdout {
     type Err = String;
 
-    /// `none`, `sector` or a number from 2; what the dataset says has no name.
+    /// Parses `none`, `sector` or a number from 2; [`Holdout::Dataset`] has no name.
     fn from_str(text: &str) -> Result<Holdout, String> {
         match text {
             "none" => Ok(Holdout::Nothing),
@@ -77,7 +80,7 @@ impl FromStr for Holdout {
 }
 
 impl fmt::Display for Holdout {
-    /// As histories and pages name it: equal where the same photos are held out.
+    /// Writes the name used in histories and reports: equal names hold out the same photos.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Holdout::Dataset => f.write_str("default"),
@@ -88,7 +91,7 @@ impl fmt::Display for Holdout {
     }
 }
 
-/// What transparency means.
+/// Meaning of transparency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Alpha {
@@ -99,21 +102,22 @@ pub enum Alpha {
     Mask,
 }
 
-/// What a photo is for.
+/// Purpose of a photo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Split {
-    /// Photos that scenes learn from.
+    /// Photos for training.
     Train,
-    /// Photos that they are measured on.
+    /// Photos for testing.
     Test,
 }
 
-/// Where a dataset comes from.
+/// Origin of a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DatasetKind {
     /// A COLMAP model, binary or text.
     Colmap,
-    /// NeRF Synthetic: transforms.json whose focal length is an angle, and cameras around the cube of those scenes.
+    /// NeRF Synthetic: a transforms.json with an angle as focal length, and cameras around the cube of those
+    /// scenes.
     Blender,
     /// transforms.json of instant-ngp or nerfstudio.
     Transforms,
@@ -121,76 +125,78 @@ pub enum DatasetKind {
     Memory,
 }
 
-/// An image file and what its pixels go through.
+/// An image file, and the processing of its pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageFile {
-    /// Where it was found.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Width and height of the picture, after it is turned.
+    /// Width and height of the picture after its rotation.
     pub size: [u32; 2],
-    /// The EXIF orientation, 1 to 8, by which the file's pixels are turned; 1 leaves them as they are.
+    /// EXIF orientation, 1 to 8, to rotate the file's pixels by; 1 leaves them unchanged.
     pub orientation: u8,
-    /// Of the file, as it is decoded.
+    /// Bytes per pixel of the decoded file.
     pub bytes_per_pixel: u8,
     /// Whether pixels may be transparent.
     pub has_alpha: bool,
-    /// What is taken out of it; none for a pinhole.
+    /// Lens to remove; `None` for a pinhole.
     pub lens: Option<Lens>,
-    /// An image whose black pixels do not count.
+    /// A mask image; its black pixels are ignored.
     pub mask: Option<PathBuf>,
-    /// What transparency means.
+    /// Meaning of transparency.
     pub alpha: Alpha,
-    /// How it is downscaled.
+    /// Method of downscaling.
     pub reduce: Reduce,
 }
 
-/// Where a photo's pixels are.
+/// Storage of a photo's pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PixelSource {
-    /// Decoded when it is asked for.
+    /// A file, decoded on demand.
     File(Box<ImageFile>),
-    /// Of the photo's camera's size.
+    /// An image of the size of the photo's camera.
     Memory(Arc<Image>),
 }
 
 /// One photo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Photo {
-    /// The name in the dataset, relative and with `/` between folders; unique. Of a panorama's faces, each has its own.
+    /// Unique relative name in the dataset, with `/` between folders. Each face of a panorama has its own
+    /// name.
     pub name: String,
-    /// The camera of the prepared image: without distortion, and of its reduced size.
+    /// Camera of the prepared image: undistorted and downscaled.
     pub camera: Camera,
-    /// For training or for testing.
+    /// Training or testing.
     pub split: Split,
-    /// Where they are read from.
+    /// Storage of the pixels.
     pub pixels: PixelSource,
 }
 
 /// A set of photos, sorted by name, and sparse points if there are any.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
-    /// What the files are.
+    /// Format of the dataset's files.
     pub kind: DatasetKind,
     /// Sorted by name.
     pub photos: Vec<Photo>,
-    /// Where the base may begin.
+    /// Sparse points for the first scene.
     pub points: Option<PointCloud>,
-    /// What transparent pixels are put over, sRGB values 0 to 1.
+    /// Color behind transparent pixels, sRGB values 0 to 1.
     pub background: [f32; 3],
-    /// Whether any photo has lens distortion taken out.
+    /// Whether lens distortion is removed from any photo.
     pub undistorted: bool,
-    /// The largest part of an undistorted photo, 0 to 1, that its file does not show and that does not count.
+    /// Largest fraction of an undistorted photo, 0 to 1, outside of its file; such pixels are ignored.
     pub outside: f64,
-    /// The files that describe it. With [`Dataset::photo_files`] all that it is read from.
+    /// The files that describe the dataset. Together with [`Dataset::photo_files`], all files that it is read
+    /// from.
     pub sources: Vec<PathBuf>,
-    /// What its user would not expect: what was left out, replaced or guessed, a sentence each.
+    /// Notes for the user on anything left out, replaced or guessed, one sentence each.
     pub notes: Vec<String>,
 }
 
 impl Dataset {
-    /// Reads what describes a dataset: cameras, names, sizes and points, but no pixels. `path` is a folder with a COLMAP model
-    /// (sparse/0, sparse, itself or another usual place) and images, a folder with transforms_train.json or transforms.json, or
-    /// such a file.
+    /// Reads a dataset's description: cameras, names, sizes and points, but no pixels. `path` is a folder
+    /// with images and a COLMAP model (in sparse/0, sparse, the folder itself or another usual place). It may
+    /// also be a folder with transforms_train.json or transforms.json, or such a file.
     pub fn open(path: impl AsRef<Path>, options: &DatasetOptions) -> Result<Dataset> {
         let path = path.as_ref();
         if options.max_size == Some(0) {
@@ -208,7 +214,8 @@ impl Dataset {
             return Ok(full);
         }
         let root = if found.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
-        // As they are: what is a pixel larger than it should be would only be blurred by another reduction.
+        // Photos in reduced folders stay as they are: a pixel too large, another downscale would only blur
+        // them.
         let open = |folder: &Path| {
             let options = DatasetOptions { images: Some(folder.to_owned()), max_size: None, ..options.clone() };
             Dataset::read(path, found.is_dir(), &options)
@@ -220,7 +227,7 @@ impl Dataset {
         if is_folder {
             let near = places::find_model(path, options)?;
             let file = transforms::find(path);
-            // A model in a folder of its own is often what a transforms.json was made from, and not what was asked for.
+            // A model in its own folder is often the source of a transforms.json, which then has priority.
             if let Some(model) = near.filter(|model| !model.aside || file.is_none()) {
                 let mut read = colmap::read(path, &model, options)?;
                 if let Some(file) = file {
@@ -240,7 +247,7 @@ impl Dataset {
         }
     }
 
-    /// Decodes and prepares all photos, in their order.
+    /// Decodes and prepares all photos, in order.
     pub fn load_images(&self) -> Result<Vec<Image>> {
         let photos: Vec<&Photo> = self.photos.iter().collect();
         let mut images = Vec::with_capacity(photos.len());
@@ -256,7 +263,7 @@ impl Dataset {
         Ok(images)
     }
 
-    /// The files that pixels come from.
+    /// The image files of all photos.
     pub fn photo_files(&self) -> Vec<&Path> {
         let files = self.photos.iter().filter_map(|photo| match &photo.pixels {
             PixelSource::File(file) => Some(std::iter::once(&file.path).chain(&file.mask)),
@@ -265,14 +272,14 @@ impl Dataset {
         files.flatten().map(PathBuf::as_path).collect()
     }
 
-    /// Photos of one split, with their index.
+    /// Photos of one split, each with its index.
     pub fn split(&self, split: Split) -> impl Iterator<Item = (usize, &Photo)> {
         self.photos.iter().enumerate().filter(move |(_, photo)| photo.split == split)
     }
 }
 
 impl Photo {
-    /// The prepared image, of the camera's size.
+    /// Decodes and prepares the image, at the camera's size.
     pub fn load(&self, background: [f32; 3]) -> Result<Image> {
         let size = [self.camera.width, self.camera.height];
         match &self.pixels {
@@ -291,10 +298,11 @@ impl Photo {
         }
     }
 
-    /// The true `part` of its light, [`DIFFUSE`] or [`SPECULAR`], prepared as the photo is; `None` where there is no such file.
+    /// The true `part` of the photo's light, [`DIFFUSE`] or [`SPECULAR`], prepared like the photo; `None` if
+    /// there is no such file.
     ///
     /// # Errors
-    /// Where the file is no image, or of another size than the photo's.
+    /// If the file is not an image, or has another size than the photo.
     pub fn part(&self, part: &str) -> Result<Option<Photo>> {
         let PixelSource::File(file) = &self.pixels else { return Ok(None) };
         let folder = file.path.parent().and_then(Path::parent);
@@ -311,12 +319,12 @@ impl Photo {
         Ok(Some(Photo { pixels, ..self.clone() }))
     }
 
-    /// Whether the background may shine through it.
+    /// Whether the background may be visible through it.
     pub(super) fn shows_background(&self) -> bool {
         matches!(&self.pixels, PixelSource::File(file) if file.has_alpha && file.alpha == Alpha::Background)
     }
 
-    /// Bytes of memory that [`Photo::load`] takes at most, but for the file's own.
+    /// Maximum bytes of memory of [`Photo::load`], not counting the file's own.
     pub fn bytes_to_load(&self) -> u64 {
         match &self.pixels {
             PixelSource::File(file) => images::bytes_to_load(file, [self.camera.width, self.camera.height]),
@@ -325,8 +333,8 @@ impl Photo {
     }
 }
 
-/// Decodes and prepares `photos` and hands what `make` makes of them to `take` in their order, as many at once as there are threads and as
-/// [`DECODING`] allows.
+/// Decodes and prepares `photos`, passes each to `make`, and passes the results to `take` in order. Runs on
+/// all threads, within the memory limit [`DECODING`].
 pub fn load_photos<T: Send>(
     photos: &[&Photo],
     background: [f32; 3],
@@ -337,7 +345,7 @@ pub fn load_photos<T: Send>(
     while !left.is_empty() {
         let (some, rest) = left.split_at(at_once(left.iter().map(|photo| photo.bytes_to_load())));
         left = rest;
-        // Collected first, so that of several faults the first by name is told.
+        // Collected first, so that the error names the first of several faulty photos.
         let load = |photo: &&Photo| photo.load(background).map(|image| make(photo, image));
         let made: Vec<Result<T>> = some.par_iter().map(load).collect();
         made.into_iter().try_for_each(|made| take(made?))?;
@@ -345,7 +353,7 @@ pub fn load_photos<T: Send>(
     Ok(())
 }
 
-/// How many of the next photos are decoded at once, from what each takes.
+/// Number of next photos to decode at once, from the bytes that each takes.
 fn at_once(bytes: impl Iterator<Item = u64>) -> usize {
     let sums = bytes.scan(0u64, |sum, bytes| {
         *sum = sum.saturating_add(bytes);
@@ -360,7 +368,7 @@ mod tests {
 
     use super::*;
 
-    /// 17 photos of 8 × 6 whose left half is red and opaque, the right half green and transparent.
+    /// 17 photos of 8 × 6: the left half is red and opaque, the right half green and transparent.
     fn folder() -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         let turn = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
@@ -393,7 +401,8 @@ mod tests {
         for image in data.load_images().unwrap() {
             assert_eq!(image, Image { width: 4, height: 3, rgb: row.repeat(3), mask: None });
         }
-        // The cubic's taps by hand, those beyond the edge left out: red of the second is 0.9453125 / 1.01171875.
+        // The cubic's taps by hand, without those beyond the edge: red of the second is 0.9453125 /
+        // 1.01171875.
         let data = Dataset::open(folder.path(), &DatasetOptions { reduce: Reduce::Bicubic, ..options }).unwrap();
         let row = [[255, 0, 0], [238, 0, 17], [17, 0, 238], [0, 0, 255]].concat();
         assert_eq!(data.load_images().unwrap()[16].rgb, row.repeat(3));
@@ -424,11 +433,11 @@ mod tests {
         std::fs::write(&json, text.replace("\"05\"", "\"./04\"")).unwrap();
         let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
         assert!(message.contains("`04`") && message.contains("twice"), "{message}");
-        // What the system says of a file is handed on: this name is longer than any may be.
+        // Errors of the system are passed on: this name exceeds the maximum length.
         std::fs::write(&json, text.replace("\"05\"", &format!("\"{}\"", "5".repeat(300)))).unwrap();
         let notes = Dataset::open(folder.path(), &options).unwrap().notes;
         assert!(notes[0].contains("cannot be looked at"), "{notes:?}");
-        // None is there.
+        // No photo is left.
         std::fs::write(&json, text).unwrap();
         (0..17).for_each(|i| drop(std::fs::remove_file(folder.path().join(format!("{i:02}.png")))));
         let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
@@ -486,7 +495,7 @@ mod tests {
         assert_eq!(tests(Holdout::Every(5)).unwrap(), "00 05 10 15");
         assert_eq!(tests(Holdout::Nothing).unwrap(), "");
         assert!(tests(Holdout::Every(0)).is_err());
-        // A photo that is missing moves no other.
+        // A missing photo does not move others to another split.
         std::fs::remove_file(folder.path().join("03.png")).unwrap();
         assert_eq!(tests(Holdout::Dataset).unwrap(), "00 08 16");
     }
