@@ -1,4 +1,4 @@
-//! Scan and radix sort on the GPU against their twins. All integers: equal means equal.
+//! Compares scan and radix sort on the GPU with their twins. All are integers, so results must be equal.
 
 mod common;
 
@@ -16,7 +16,8 @@ use glint::{
 };
 
 const NO_KEY: u32 = u32::MAX;
-/// Nothing, one, a row less one, a block and its neighbours, several workgroups with a part of a block at the end.
+/// Nothing, one, a row less one, a block and its neighbours, several workgroups with a partial block at the
+/// end.
 const SIZES: [u32; 8] = [0, 1, 7, 1023, 1024, 1025, 8 * 1024 + 1, 30_000];
 
 fn upload(context: &Context, name: &str, data: &[u32]) -> Buffer<u32> {
@@ -28,7 +29,7 @@ fn noise(i: u32) -> u32 {
     (x ^ x >> 15).wrapping_mul(0x846c_a68b)
 }
 
-/// Whose count it is.
+/// Resource that the count stands for.
 const RESOURCE: Resource = Resource::BaseGaussians;
 /// Words of the count buffer of these tests.
 const ITEMS: u32 = 0;
@@ -51,7 +52,7 @@ impl Counted {
         })
     }
 
-    /// Items of `capacity` at most; the dispatch is the second.
+    /// Limits the items to `capacity`; the dispatch is the second.
     fn record(&self, recorder: &mut glint::gpu::Recorder, capacity: u32, items_per_group: u32) {
         let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status: &self.status };
         let resource_index = RESOURCE.index();
@@ -167,7 +168,7 @@ fn a_dispatch_is_its_twin_and_reports_what_did_not_fit() {
         let counted = Counted::new(&context, items).unwrap();
         let mut recorder = context.recorder("dispatch_args").unwrap();
         counted.record(&mut recorder, capacity, per_group);
-        // A second time, with what is clamped by then: the number that was needed stays.
+        // A second time, with the clamped number: the required number stays.
         counted.record(&mut recorder, capacity, per_group);
         recorder.submit().unwrap().wait().unwrap();
         let (count, overflow, groups) = reference::dispatch_args::dispatch_args(items, capacity, per_group);
@@ -184,8 +185,8 @@ fn pairs(context: &Context, name: &str, len: usize) -> (Buffer<u32>, Buffer<u32>
     (Buffer::zeroed(context, name, len).unwrap(), Buffer::zeroed(context, name, len).unwrap())
 }
 
-/// Sorts on the GPU; `None` for the values: the value of a key is its index. Returns the pairs and, of the last pass, the scanned
-/// counters and the totals.
+/// Sorts on the GPU; with `None` for the values, the value of a key is its index. Returns the pairs and, from
+/// the last pass, the scanned counters and the totals.
 fn sort(context: &Context, keys: &[u32], values: Option<&[u32]>, drops: bool, key_bits: u32) -> [Vec<u32>; 4] {
     let items = keys.len() as u32;
     let counted = Counted::new(context, items).unwrap();

@@ -1,5 +1,5 @@
-//! Twins that stand in for stages at run time: each for its own in the pipelines that use it, all at once in `glint verify`, and
-//! what becomes of one that is wrong or cannot go on.
+//! Twins that replace stages at run time: each stage in the pipelines that use it, all at once in `glint
+//! verify`, and the handling of a twin that is wrong or fails.
 
 mod common;
 #[path = "common/probe.rs"]
@@ -39,25 +39,26 @@ fn with(twins: &[Twin]) -> Gpu {
     Gpu::with(ContextOptions { twins: twins.to_vec(), ..ContextOptions::from_env() })
 }
 
-/// What a pipeline came to, by name.
+/// The results of a pipeline, by name.
 type Outcome = Vec<(&'static str, Vec<f32>)>;
 
-/// Stages, and how near the outcome with the twin of each must be.
+/// Stages, each with the tolerance of the results with its twin.
 type Stages = &'static [(&'static str, Near)];
 
-/// How near the outcome with a twin must be to the one without.
+/// Tolerance between the results with and without a twin.
 #[derive(Clone, Copy, PartialEq)]
 enum Near {
-    /// The stage is of integers, or decides on them: the same bits.
+    /// Integers, or decisions based on integers: the same bits.
     Same,
-    /// All but one value in a hundred within so much of the largest of its kind: a pixel, a tile or a draw may fall otherwise where
-    /// float32 stands at a threshold, and Adam's first steps have one length whatever the gradient, also where it is all rounding.
+    /// All values except one in a hundred are within this fraction of the largest of their kind. A pixel, a
+    /// tile or a draw may differ if float32 is at a threshold, and Adam's first steps have a fixed length
+    /// even if the gradient is only rounding.
     Within(f64),
 }
 
-/// One pass of each is judged by `glint verify`; here the device goes on behind the stage that is swapped. What differs is
-/// float32's rounding of a stage, some 1e-6, which sums of dozens of tiles and Adam's first step (exact to 1e-5: 1 − 0.999 has four
-/// digits in float32) pass on.
+/// `glint verify` compares one pass of each; here the device continues after the replaced stage. The
+/// difference is float32's rounding of a stage, about 1e-6, amplified by sums of dozens of tiles and by
+/// Adam's first step (exact to 1e-5: 1 − 0.999 has four digits in float32).
 const VIEW: Stages = &[
     ("dispatch_args", Near::Same),
     ("radix_upsweep", Near::Same),
@@ -76,7 +77,7 @@ const VIEW: Stages = &[
     ("project_backward", Near::Within(1e-4)),
 ];
 
-/// A turned instance of half width behind a mesh's depths, over what was there.
+/// A rotated instance of half width behind a mesh's depths, over the target's content.
 const FRAMES: Stages = &[
     ("project", Near::Within(1e-4)),
     ("blend", Near::Within(1e-4)),
@@ -84,17 +85,18 @@ const FRAMES: Stages = &[
     ("resolve", Near::Within(1e-5)),
 ];
 
-/// Three steps: Adam's are as long as their rate however small the gradient, so what rounding makes of a small one counts.
+/// Three steps: Adam's are as long as their rate for any gradient, so the rounding of a small gradient
+/// matters.
 const TRAINING: Stages = &[
     ("step_done", Near::Same),
     ("ssim_forward", Near::Within(1e-3)),
     ("ssim_backward", Near::Within(1e-3)),
-    // Nothing learns from it.
+    // No learning depends on it.
     ("loss_sum", Near::Within(1e-6)),
     ("project_backward", Near::Within(1e-3)),
 ];
 
-/// Adam's steps of maps, too, are as long as their rate, and their mean is taken from all.
+/// Adam's steps of maps are also as long as their rate, and the mean over all maps is subtracted.
 const EXPOSURE: Stages = &[
     ("exposure_apply", Near::Within(1e-3)),
     ("exposure_backward", Near::Within(1e-3)),
@@ -108,7 +110,7 @@ const SEVERAL_VIEWS: Stages = &[("adam", Near::Within(1e-3)), ("project_backward
 
 const MOVES: Stages = &[("gather", Near::Same), ("recount", Near::Same)];
 
-/// Some refinements: what is drawn otherwise is another Gaussian from there on.
+/// A few refinements: a different draw gives a different Gaussian from then on.
 const DENSITY: Stages = &[
     ("density_image", Near::Within(1e-2)),
     ("density_score", Near::Within(1e-2)),
@@ -120,13 +122,13 @@ const DENSITY: Stages = &[
 ];
 const NOISE: Stages = &[("density_noise", Near::Within(1e-2))];
 
-/// Some thirty steps of 2D Gaussians, and lifts made of those.
+/// Some thirty steps of 2D Gaussians, and their lifts.
 const AUGMENTATION: Stages = &[
     ("screen_project", Near::Within(1e-3)),
     ("screen_backward", Near::Within(1e-3)),
     ("screen_prune", Near::Same),
     ("screen_draw", Near::Within(1e-3)),
-    // What is listed in vain, or in another order, changes no gradient that is used.
+    // Unneeded entries, or another order, do not change the gradients in use.
     ("screen_tiles", Near::Same),
     ("emit", Near::Within(1e-3)),
     ("tile_ranges", Near::Same),
@@ -145,8 +147,8 @@ const AUGMENTATION: Stages = &[
     ("lift_append", Near::Same),
 ];
 
-/// What is placed is few and chosen by order: one candidate more or less moves all ranks behind it by one, and gains with them by
-/// a per cent or so.
+/// Few Gaussians are placed, chosen by order: one candidate more or less shifts all later ranks by one, and
+/// their gains by about one per cent.
 const PURSUIT: Stages = &[
     ("pursuit_residual", Near::Within(0.1)),
     ("pursuit_blur", Near::Within(0.1)),
@@ -165,12 +167,12 @@ const PURSUIT: Stages = &[
 fn every_twin_stands_in_somewhere() {
     let lists = [VIEW, FRAMES, TRAINING, EXPOSURE, NEWTON, SEVERAL_VIEWS, MOVES, DENSITY, NOISE, PURSUIT, AUGMENTATION];
     let mut tried: BTreeSet<&str> = lists.iter().flat_map(|list| list.iter().map(|(stage, _)| *stage)).collect();
-    // Those of reductions are tried where the device can.
+    // Stages of reductions are tested if the device supports them.
     tried.extend(twins().iter().map(|twin| twin.stage).filter(|name| name.starts_with("blend_backward")));
     assert_eq!(tried, twins().iter().map(|twin| twin.stage).collect());
 }
 
-/// Runs `pipeline` once as it is, and once for each stage with its twin in place.
+/// Runs `pipeline` once without twins, and once for each stage with its twin in place.
 fn stand_in(pipeline: impl Fn(&Gpu) -> Outcome, stages: &[(&'static str, Near)]) {
     let plain = Gpu::new();
     let want = pipeline(&plain);
@@ -200,7 +202,7 @@ fn stand_in(pipeline: impl Fn(&Gpu) -> Outcome, stages: &[(&'static str, Near)])
     }
 }
 
-/// How each parameter moved, by array.
+/// Changes of each parameter, by array.
 fn moved(before: &Scene, after: &Scene) -> Outcome {
     let [a, b] = [before, after].map(|scene| Params::from_scene(scene).unwrap());
     let of = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (b - a) as f32).collect();
@@ -211,7 +213,7 @@ fn moved(before: &Scene, after: &Scene) -> Outcome {
     ]
 }
 
-/// A view, its depths and gradients, and a step; the model lies in pages.
+/// A view, its depths and gradients, and a step; the model uses several pages.
 fn shot(gpu: &Gpu, setup: Setup) -> Outcome {
     let (scene, camera) = (random_scene(41, 700, 300, 2), random_camera(80, 60));
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
@@ -298,8 +300,8 @@ fn every_reduction_has_a_twin() {
     }
 }
 
-/// A base that learns all, or a base that learns its opacities where it is seen and a supplement that learns all; three steps of
-/// one view or of two.
+/// Trains a base on all parameters, or a base on its opacities together with a supplement on all; three steps
+/// of one view or of two.
 fn train(gpu: &Gpu, supplement: bool, sparse: bool, views_per_step: u32, exposure: bool, newton: bool) -> Outcome {
     let scene = random_scene(44, 400, if supplement { 150 } else { 0 }, 1);
     let cameras = [random_camera(48, 36), random_camera(36, 48)];
@@ -339,7 +341,7 @@ fn the_stages_of_training_have_twins() {
     stand_in(|gpu| train(gpu, false, false, 2, false, false), &SEVERAL_VIEWS[..1]);
 }
 
-/// Thirty steps with a refinement or two.
+/// Thirty steps with one or two refinements.
 fn refine(gpu: &Gpu, strategy: Strategy) -> Outcome {
     let scene = random_scene(46, 300, 0, 0);
     let cameras = [random_camera(32, 24), random_camera(24, 32)];
@@ -391,8 +393,8 @@ fn moving_gaussians_has_a_twin() {
     stand_in(pipeline, MOVES);
 }
 
-/// A wall of a few wide Gaussians, photographed twice with stripes that it lacks: three rounds of drawing, steps and pruning, and
-/// the lift of what is left.
+/// A wall of a few wide Gaussians, photographed twice with stripes that it lacks: three rounds of drawing,
+/// steps and pruning, and the lift of the remaining Gaussians.
 fn augment(gpu: &Gpu) -> Outcome {
     let (width, height) = (120, 100);
     let camera = |v: usize| {
@@ -436,7 +438,7 @@ fn the_stages_of_the_augmentation_have_twins() {
     stand_in(augment, AUGMENTATION);
 }
 
-/// A wall, photographed three times with a stripe that it lacks in all of them and a spot that is there in two.
+/// A wall, photographed three times: with a stripe that it lacks in all photographs, and a spot in two.
 fn pursue(gpu: &Gpu) -> Outcome {
     let (width, height) = (60, 50);
     let camera = |v: usize| {
@@ -472,7 +474,8 @@ fn pursue(gpu: &Gpu) -> Outcome {
     model.learn_counts().unwrap();
     let there = [Segment::Base, Segment::Supplement].map(|segment| model.count_of(segment));
     assert_eq!(there, [25 + placed.plain, placed.lobes]);
-    // A lobe or none may gain the same to the last digit, so that which of them it is tells nothing.
+    // With and without a lobe the gain may be equal to the last digit, so the choice between them is
+    // arbitrary.
     let depths = placed.lifts.iter().map(|lift| lift.mean[2]).collect();
     vec![("gains", placed.gains), ("depths", depths)]
 }
@@ -482,8 +485,8 @@ fn the_stages_of_pursuit_have_twins() {
     stand_in(pursue, PURSUIT);
 }
 
-/// Every variant of every kernel, as `glint verify` has them: where all stages are their twins, what is left between a row's two
-/// sides is float32's rounding of inputs, results and sums, and no decision falls otherwise.
+/// Every variant of every kernel, as in `glint verify`: if all stages are their twins, a row only shows
+/// float32's rounding of inputs, results and sums, and no decision differs.
 #[test]
 fn a_device_of_twins_is_its_twins() {
     let gpu = with(&twins());
@@ -493,11 +496,11 @@ fn a_device_of_twins_is_its_twins() {
     let atomics = gpu.info().float_atomics;
     assert!(twins().iter().all(|t| stages.contains(t.stage) || (t.stage == "blend_backward_atomic" && !atomics)));
     for row in report.rows.iter().filter(|row| !row.stage.starts_with('(')) {
-        // A packed moment is rounded in steps of a thousandth: gradients that are rounded to 6e-8 on their way here put one in some
-        // thousands of words on the other side.
+        // A packed moment is rounded in steps of a thousandth: gradients rounded to 6e-8 on the way change
+        // one in a few thousand words.
         let flips = if row.variant.contains(", packed") { 1e-3 } else { 0.0 };
         assert!(row.errors.flips.unwrap_or(0.0) <= flips, "{row:?}");
-        // One rounding is 6e-8; lifts go through several kernels' results and a cube root's worth of them.
+        // One rounding is 6e-8; lifts go through the results of several kernels, and amplify by a cube root.
         let bound = if row.stage == "lift_pca" { 2e-6 } else { 4e-7 };
         assert!(row.errors.max.unwrap_or(0.0) <= bound || row.stage == "fma_rate", "{row:?}");
     }
@@ -545,7 +548,7 @@ fn what_a_twin_cannot_do_is_an_error_of_the_submission() {
     assert_eq!(gpu.counters().twins, before.twins);
 }
 
-/// The stage's time is that on the wall, so that the others keep theirs.
+/// The stage's time is wall-clock time; the other stages keep theirs.
 #[test]
 fn stages_around_a_twin_are_timed() {
     let gpu = with(&[twin("step_done").unwrap()]);

@@ -303,7 +303,7 @@ mod tests {
         }
     }
 
-    /// The same scene as text, with shuffled properties, mixed types and unknown content in between.
+    /// The scene as text, with shuffled properties, mixed types and unknown content in between.
     fn ascii(big_endian: bool) -> (Vec<u8>, Scene) {
         let names = ["rot_3", "rot_2", "rot_1", "rot_0", "z", "y", "x", "opacity", "scale_2", "scale_1", "scale_0"];
         let mut header = String::from(if big_endian {

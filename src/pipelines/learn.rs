@@ -20,7 +20,7 @@ pub struct Rates {
     pub mean: f32,
     /// Logarithms of scene units.
     pub log_scale: f32,
-    /// Of quaternions, before normalisation.
+    /// Components of quaternions, before normalisation.
     pub quat: f32,
     /// Logits.
     pub opacity: f32,

@@ -162,7 +162,7 @@ pub struct Spending {
     pub least_db_per_thousand: f64,
     /// Gaussians with lobes.
     pub lobes: Spent,
-    /// The same candidates as plain Gaussians.
+    /// Candidates of `lobes`, with their gains as plain Gaussians.
     #[serde(default)]
     pub without_lobes: Spent,
     /// Plain Gaussians, for the base.

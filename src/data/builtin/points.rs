@@ -164,7 +164,7 @@ impl Darts {
         self.cells.entry(self.cell(draw.point)).or_default().push(draw.point);
     }
 
-    /// The same points on a finer grid, with room for about twice as many.
+    /// Moves the points to a finer grid, with room for about twice their number.
     fn finer(self) -> Darts {
         let mut finer = Darts::new(self.spacing * FRAC_1_SQRT_2);
         for point in self.cells.into_values().flatten() {
