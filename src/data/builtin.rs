@@ -77,7 +77,7 @@ pub struct BuiltinScene {
     pub point_positions: Vec<[f32; 3]>,
     /// Their colours, 8-bit sRGB, the mean over the training photographs that see them.
     pub point_colors: Vec<[u8; 3]>,
-    /// sRGB in [0, 1], the color of rays that leave the scene; a multiple of 1/255.
+    /// sRGB in [0, 1], the colour of rays that leave the scene; a multiple of 1/255.
     pub background: [f32; 3],
 }
 

@@ -36,7 +36,7 @@ pub struct DatasetOptions {
     /// Use the photos in `images_2`, `_4` or `_8` if their size equals the downscaled size. Ignored if
     /// `images` is set.
     pub reduced_folders: bool,
-    /// Color behind transparent pixels, sRGB values 0 to 1. Black by default.
+    /// Colour behind transparent pixels, sRGB values 0 to 1. Black by default.
     pub background: [f32; 3],
     /// Folder of the photos, in the dataset or elsewhere; `None` for the dataset's usual folder.
     pub images: Option<PathBuf>,
@@ -180,7 +180,7 @@ pub struct Dataset {
     pub photos: Vec<Photo>,
     /// Sparse points for the first scene.
     pub points: Option<PointCloud>,
-    /// Color behind transparent pixels, sRGB values 0 to 1.
+    /// Colour behind transparent pixels, sRGB values 0 to 1.
     pub background: [f32; 3],
     /// Whether lens distortion is removed from any photo.
     pub undistorted: bool,

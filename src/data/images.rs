@@ -408,7 +408,7 @@ fn read_mask(path: &Path, photo: [u32; 2], orientation: u8) -> Result<GrayImage>
 }
 
 /// Binarises a mask: white if at least half as bright as its brightest pixel, so that soft edges and labels
-/// of 0 and 1 both work. If the color is the same everywhere, alpha is the mask; otherwise transparency
+/// of 0 and 1 both work. If the colour is the same everywhere, alpha is the mask; otherwise transparency
 /// darkens.
 fn where_it_counts(mask: DynamicImage) -> GrayImage {
     let step = if mask.color().bytes_per_pixel() > mask.color().channel_count() { 1.0 / 65535.0 } else { 1.0 / 255.0 };

@@ -32,7 +32,7 @@ const WITNESSES: usize = 3;
 pub struct Focus {
     /// World position.
     pub center: DVec3,
-    /// Median distance of the cameras from the center, scene units.
+    /// Median distance of the cameras from the centre, scene units.
     pub radius: f64,
 }
 

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[cfg_attr(feature = "train", derive(Serialize, Deserialize), serde(default))]
 pub struct TrainedWith {
-    /// Background color of the scene: sRGB values from 0 to 1.
+    /// Background colour of the scene: sRGB values from 0 to 1.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub background: Option<[f32; 3]>,
     /// Whether Gaussians smaller than a pixel fade (`Policy::compensate`).
@@ -92,8 +92,8 @@ impl TrainedWith {
         *self == Self::default()
     }
 
-    /// Options of `glint` to pass when using a file of a format without these settings; `flag`: the format
-    /// has a flag for antialiasing.
+    /// Options of `glint` for the settings that a format does not keep; `flag`: the format has a flag for
+    /// antialiasing.
     pub(super) fn options_beyond(&self, flag: bool) -> Vec<String> {
         let TrainedWith { background, antialiased, max_size, .. } = *self;
         let background = background.filter(|rgb| *rgb != [0.0; 3]).map(|[r, g, b]| format!("--background {r},{g},{b}"));

@@ -37,8 +37,7 @@ pub struct Clock {
 pub struct Checkpoint {
     /// Finished steps.
     pub step: u32,
-    /// Set only for a run that is limited by time; [`Checkpoint::new`] leaves it `None` and the caller sets
-    /// it.
+    /// Set by the caller, only for a run that is limited by time.
     pub clock: Option<Clock>,
     /// Training settings, for readers of the scene in this file; the caller sets them.
     pub trained_with: TrainedWith,

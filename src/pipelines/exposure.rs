@@ -97,7 +97,8 @@ impl Exposure {
         );
     }
 
-    /// Steps the view's map at the fraction `part` (0 to 1) of the run, then restores the mean of all maps.
+    /// Steps the view's map at the fraction `part` (0 to 1) of the run, then resets the mean of all maps to the
+    /// identity.
     pub(super) fn record_step(
         &self,
         recorder: &mut Recorder,

@@ -297,7 +297,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
     glint::data::write_tensors(work.path(CHECKPOINT), &[("a", &[1], &[1.0f32][..])]).unwrap();
     work.refused(&train(400, ""), &[CHECKPOINT, "--restart"]);
 
-    // An existing checkpoint is kept, even by another run with --restart.
+    // --restart keeps an existing checkpoint under another name, whichever run wrote it.
     let somebodys = fs::read(work.path(CHECKPOINT)).unwrap();
     let old = format!("{CHECKPOINT}.old");
     let said = work.said(&train(32, "--restart"));

@@ -1,4 +1,4 @@
-/* Draws a scene over a background color from C, on its own device:
+/* Draws a scene over a background colour from C, on its own device:
  *
  *     frame NUMBERS SCENE.ply OUT
  *
@@ -167,7 +167,7 @@ int main(int argc, char **argv) {
     VkDeviceMemory memory;
     VK(vkAllocateMemory(device, &memory_info, NULL, &memory));
     VK(vkBindBufferMemory(device, buffer, memory, 0));
-    /* Images for colors, depths and ids, and for the depths of a wall. */
+    /* Images for colours, depths and ids, and for the depths of a wall. */
     VkImage images[4];
     VkDeviceMemory image_memory[4];
     for (int i = 0; i < 4; ++i) {

@@ -72,7 +72,7 @@ pub enum Blend {
     Over,
 }
 
-/// Color output of a view.
+/// Colour output of a view.
 #[derive(Debug, Clone, Copy)]
 pub struct Target {
     /// The image or buffer to write.
@@ -148,7 +148,7 @@ pub struct FrameView {
     pub near: f64,
     /// The mapping of `depth_in` and `depth_out`.
     pub depth_form: DepthForm,
-    /// Color output, if wanted.
+    /// Colour output, if wanted.
     pub color: Option<Target>,
     /// Float32 depths of the caller's meshes, to hide Gaussians behind them; [`DepthForm::empty`] hides
     /// nothing. Image formats: [`DEPTH_FORMATS`](super::DEPTH_FORMATS).

@@ -35,7 +35,7 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 const COLOUR: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
-/// Colors of the quad, and of the sky.
+/// Colours of the quad, and of the sky.
 const QUAD: [f32; 4] = [0.8, 0.3, 0.1, 1.0];
 const SKY: [f32; 4] = [0.2, 0.4, 0.6, 1.0];
 
