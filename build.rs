@@ -1,5 +1,6 @@
-//! Puts the kernels' SPIR-V and the generated interface where the crate includes them. They are in the repository, `glsl/spirv`; with
-//! the feature `shaderc` they are made anew from `glsl/**/*.comp`, see `glsl/generate.rs`.
+//! Copies the kernels' SPIR-V and the generated interface to the build folder, for the crate to include. They
+//! come from the repository, `glsl/spirv`; with the feature `shaderc` they are recompiled from
+//! `glsl/**/*.comp`, see `glsl/generate.rs`.
 
 use std::{env, fs, path::Path};
 
@@ -12,7 +13,7 @@ fn main() {
     let out = env::var_os("OUT_DIR").expect("cargo sets OUT_DIR");
     for (name, bytes) in files() {
         let path = Path::new(&out).join(name);
-        // What has not changed keeps its time, and nothing is built again for it.
+        // Unchanged files keep their time, so that nothing is rebuilt.
         if fs::read(&path).ok().as_ref() != Some(&bytes) {
             fs::write(&path, bytes).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         }
@@ -25,7 +26,7 @@ fn files() -> impl IntoIterator<Item = (String, Vec<u8>)> {
         println!("cargo:rerun-if-changed={path}");
     }
     generate::files().unwrap_or_else(|errors| {
-        // Cargo shows lines that begin with cargo:warning even when the output is folded away.
+        // Cargo shows lines that start with cargo:warning even if the output is folded.
         errors.lines().for_each(|line| println!("cargo:warning={line}"));
         panic!("kernels did not compile, see the warnings above")
     })

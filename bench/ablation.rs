@@ -1,17 +1,20 @@
-//! What each way of spending steps and bytes on a trained base gains on held-out photographs.
+//! Compares ways to spend steps and bytes on a trained base, by their gain on held-out photographs.
 //!
 //!     cargo bench --bench ablation -- DATASET [--base PLY | --gaussians N --iterations N] [--max-size N] [--seeds N] [--rows LIST]
 //!
-//! Every row begins with the same base and takes the same number of joint steps:
+//! Every row starts from the same base and takes the same number of joint steps:
 //!
-//! - `more`: nothing is added, the base learns on;
-//! - `plain`: plain Gaussians by pursuit; `lobes`: Gaussians with lobes only; `pursuit`: whichever gains more for its bytes;
-//! - `auto`: as `glint enhance` has it without options: pursuit as long as a Gaussian gains more than training on;
-//! - `augs`: the paper's placement and joint phase, with the rounds of the preset `quick`; `paper`: with its own;
-//! - `augs+`: its placement, and a joint phase in which everything learns, as the others have it.
+//! - `more`: nothing is added, the base trains longer;
+//! - `plain`: plain Gaussians by pursuit; `lobes`: Gaussians with lobes only; `pursuit`: the kind with the
+//!   higher gain per byte;
+//! - `auto`: the default of `glint enhance`: pursuit as long as a Gaussian gains more than longer training;
+//! - `augs`: the paper's placement and joint phase, with the rounds of the preset `quick`; `paper`: with its
+//!   own;
+//! - `augs+`: the paper's placement, and a joint phase that trains everything, as in the other rows.
 //!
-//! Prints a table, or with `--json` a line of JSON for each row and seed: what `glint report --history` reads, and `views`, the PSNR of each
-//! held-out photo by its name, since one that shows what no training photo saw can move the mean from seed to seed.
+//! Prints a table, or with `--json` a line of JSON per row and seed, for `glint report --history`. Its
+//! `views` has the PSNR of each held-out photo by name: a photo of something that no training photo shows can
+//! shift the mean from seed to seed.
 
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
@@ -136,7 +139,7 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
         let bad = || Error::Usage(format!("--set {pair}: expected a known key and a number"));
         let (key, value) = pair.split_once('=').ok_or_else(bad)?;
         let value: f32 = value.parse().map_err(|_| bad())?;
-        // What only the other method has changes nothing here.
+        // Applies to the other method only, so it has no effect here.
         let mut other = match options.method {
             Method::Pursuit => EnhanceOptions::paper(),
             Method::Augs => EnhanceOptions::pursuit(),
@@ -148,7 +151,7 @@ fn set(options: &mut EnhanceOptions, args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Whether the method has such a setting.
+/// Sets an option; returns whether the method has such a setting.
 fn set_one(options: &mut EnhanceOptions, key: &str, value: f32) -> bool {
     match (options.method, key) {
         (_, "threshold") => options.median_threshold = value,
@@ -180,14 +183,14 @@ fn set_one(options: &mut EnhanceOptions, key: &str, value: f32) -> bool {
     true
 }
 
-/// What became of one row and seed.
+/// Results of one row and seed.
 struct Found {
-    /// Means over the held-out photos: dB, and −1 to 1.
+    /// Means over the held-out photos: PSNR in dB, and SSIM, −1 to 1.
     psnr: f64,
     ssim: f64,
     lobes: u32,
     plain: u32,
-    /// Seconds until the joint phase, and of everything.
+    /// Seconds before the joint phase, and in total.
     place: f64,
     seconds: f64,
 }

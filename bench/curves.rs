@@ -1,5 +1,5 @@
-//! Quality over time, Gaussians or memory: draws tables of `bench/train`, or what `bench/ablation --json` prints, a panel for each dataset and
-//! a line for each strategy or row.
+//! Plots quality over time, Gaussians or memory: one panel per dataset, one line per strategy or row. The
+//! input are tables of `bench/train`, or the output of `bench/ablation --json`.
 //!
 //!     STEPS="300 1000 3000" bench/train OUT DATASET... > now.md
 //!     cargo bench --bench curves -- curves.svg now.md before=earlier.md
@@ -9,7 +9,7 @@
 //!     for n in 5 10 30 60; do cargo bench --bench ablation -- DATASET --base PLY --rows more --steps $n --json; done > more.jsonl
 //!     cargo bench --bench curves -- curves.svg more.jsonl
 //!
-//! `NAME=FILE` puts NAME before the strategies of a file. Points are means over seeds, bars go from the least to the largest.
+//! `NAME=FILE` prefixes the strategies of a file with NAME. Points are means over seeds, bars show the range.
 
 use std::{collections::BTreeMap, error::Error, fs, path::Path, process::ExitCode};
 
@@ -52,13 +52,13 @@ impl Over {
     }
 }
 
-/// A line of a table.
+/// A row of a table.
 struct Run {
     dataset: String,
     strategy: String,
     steps: u32,
     limit: u32,
-    /// Where it is drawn.
+    /// Position in the plot.
     at: [f64; 2],
 }
 
@@ -81,10 +81,10 @@ fn of_ablation(name: &str, row: &Map<String, Value>, over: Over) -> Result<Run, 
     })
 }
 
-/// Where runs of each seed are drawn, by dataset, then by line of the plot, then by steps or limit.
+/// Positions of each seed's run, by dataset, then by line of the plot, then by steps or limit.
 type Curves = BTreeMap<String, BTreeMap<String, BTreeMap<u32, Vec<[f64; 2]>>>>;
 
-/// Pixels of a panel.
+/// Size of a panel in pixels.
 const PANEL: (u32, u32) = (520, 420);
 
 fn main() -> ExitCode {
@@ -109,7 +109,7 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
             }
             let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
             let [dataset, strategy, steps, limit, _, gaussians, quality, seconds, memory] = cells[..] else { continue };
-            // The head and the rule below it.
+            // Skips the head and the rule below it.
             let Ok(steps) = steps.parse() else { continue };
             let number = |what: &str, cell: &str| -> Result<f64, String> {
                 cell.parse().map_err(|_| format!("{path}: `{line}`: {what} is no number"))
@@ -131,7 +131,7 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     if runs.is_empty() {
         return Err("neither a table of bench/train nor a row of bench/ablation --json in these files".into());
     }
-    // What a line does not go through is in its name where there are several.
+    // If there are several limits or lengths, the line's name contains the one that is not on its axis.
     let (several_steps, several_limits) =
         (runs.iter().any(|r| r.steps != runs[0].steps), runs.iter().any(|r| r.limit != runs[0].limit));
     let mut curves = Curves::new();
@@ -179,7 +179,7 @@ fn draw(
         .y_desc("test PSNR, dB")
         .x_label_formatter(&|&v| match format!("{v}") {
             text if text.starts_with(['1', '2', '5']) => text,
-            // There is no room for all.
+            // Too crowded for all labels.
             _ => String::new(),
         })
         .draw()?;

@@ -1,8 +1,9 @@
-//! Which share of the colour channels of scenes is black from every training camera of a dataset: what a clamp at 0 has put to sleep.
+//! Measures the fraction of a scene's colour channels that are black from every training camera of a dataset:
+//! a clamp at 0 stops their learning.
 //!
 //!     cargo bench --bench dead -- DATASET SCENE...
 //!
-//! Beside `bench/train`, which says what test PSNR the same scenes have.
+//! `bench/train` gives the test PSNR of the same scenes.
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -24,7 +25,7 @@ struct Args {
     bench: bool,
 }
 
-/// Shares of channels, and of Gaussians with all three.
+/// Fractions of dead channels, and of Gaussians with three dead channels.
 fn dead(params: &Params, eyes: &[glam::DVec3]) -> [f64; 2] {
     let (mut channels, mut whole) = (0, 0);
     for i in 0..params.count {

@@ -1,10 +1,11 @@
-//! Time of a frame in a renderer's own command buffers, stage by stage beside what its bytes take to copy.
+//! Measures the time of a frame in a caller's command buffers, stage by stage, next to the time to copy its
+//! bytes.
 //!
 //!     cargo bench --bench frame -- [SCENE.ply DATASET] [--gaussians N] [--size WxH] [--views N] [--sh-degree L] [--lobes SHARE] [--half]
 //!                                  [--json]
 //!
-//! The camera moves, several frames are in flight, and the first of them, where it shows all bands, is compared with `Renderer`'s image to
-//! the last bit.
+//! The camera moves, and several frames are in flight. If the first frame shows all bands, it must equal
+//! `Renderer`'s image bit for bit.
 
 #[path = "../tests/common/engine.rs"]
 #[allow(dead_code, reason = "a frame needs no images")]
@@ -34,9 +35,9 @@ use serde_json::json;
 
 /// Frames in flight.
 const SLOTS: u32 = 3;
-/// Between two views, scene units.
+/// Distance between two views, scene units.
 const APART: f64 = 0.06;
-/// Copied to measure the device's rate; beyond any cache.
+/// Bytes to copy for measuring the device's rate; exceeds every cache.
 const COPIED: usize = 64 << 20;
 
 #[derive(Parser)]
@@ -91,7 +92,7 @@ fn scene_of(args: &Args) -> Result<(Scene, Camera)> {
         let dataset = Dataset::open(dataset, &DatasetOptions::default())?;
         let camera = dataset.photos.first().map(|photo| photo.camera);
         let Some(c) = camera else { return Err(Error::Usage("a dataset without photos".into())) };
-        // As wide a view, of another size.
+        // Keep the field of view at another size.
         let zoom = f64::from(width) / f64::from(c.width);
         let (fx, fy) = (c.fx * zoom, c.fy * zoom);
         let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
@@ -103,7 +104,7 @@ fn scene_of(args: &Args) -> Result<(Scene, Camera)> {
     Ok((covering_scene(args.gaussians, args.lobes, 1.0, args.sh_degree), random_camera(width, height)))
 }
 
-/// CPU seconds of the process, all threads, as Linux counts them; 0 elsewhere.
+/// CPU seconds of the process, all threads, from Linux's counters; 0 elsewhere.
 fn cpu_seconds() -> f64 {
     let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after_name = stat.rsplit_once(')').map_or("", |(_, rest)| rest);
@@ -149,7 +150,7 @@ fn run(args: &Args) -> Result<()> {
     let mut frames = Frames::new(&context, limits)?;
     let made = started.elapsed().as_secs_f64() * 1e3;
     let pixels = camera.pixels() as usize;
-    // Of each slot its views, one after the other.
+    // Each slot holds its views one after the other.
     let all = (args.views as usize).saturating_mul(4 * pixels);
     let targets = (0..SLOTS).map(|_| Buffer::<u32>::new(&context, "target", all, Location::Device));
     let targets: Vec<_> = targets.collect::<std::result::Result<_, _>>()?;
@@ -264,7 +265,7 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// What stages read and write at least, each number once in a view.
+/// Minimum bytes that stages read and write; each number counts once per view.
 struct Bytes<'a> {
     args: &'a Args,
     model: &'a Model,
@@ -280,9 +281,10 @@ impl Bytes<'_> {
         let harmonics = sh_planes(self.degree) as f64 * if self.args.half { 2.0 } else { 4.0 };
         let (geometry, splat) = if self.args.half { (32.0, 28.0) } else { (44.0, 36.0) };
         let of_a_view = match stage {
-            // Geometry, keys and tile counts of all; harmonics, splats and colours of those in the view.
+            // Geometry, keys and tile counts of all Gaussians; harmonics, splats and colours of the visible
+            // ones.
             "project" => gaussians * (geometry + 8.0) + self.visible * (harmonics + splat),
-            // Key and value of what is visible, in and out, once.
+            // Key and value of every sorted item, read once and written once.
             "radix_upsweep" | "radix_downsweep" => 16.0 * (self.visible + self.isects),
             "emit" => self.visible * 32.0 + self.isects * 12.0,
             "tile_ranges" => self.isects * 4.0,

@@ -21,11 +21,11 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
-# Of gsplat's preset: steps that its numbers are for, and Gaussians at the start.
+# From gsplat's preset: steps of a full run, and initial Gaussians.
 FULL_RUN = 30_000
 RATES = {"means": 1.6e-4, "scales": 5e-3, "quats": 1e-3, "opacities": 5e-2, "sh0": 2.5e-3, "shN": 2.5e-3 / 20}
 OPACITY, SCALE, WEIGHT, SSIM, DEGREE, NEAR = 0.5, 0.1, 0.01, 0.2, 3, 0.01
-# Of glint: of the photos sorted by name, every 8th is for testing.
+# As in glint: every 8th photo by name is for testing.
 TEST_EVERY = 8
 SH_C0 = 0.28209479177387814
 # Parameters of COLMAP's models by number: f, cx, cy and fx, fy, cx, cy.
@@ -33,7 +33,7 @@ PINHOLES = {0: 3, 1: 4}
 
 
 def records(path, read):
-    """What `read` makes of each record of a COLMAP file, given a function that takes numbers off its front."""
+    """The records of a COLMAP file. `read` parses one, given a function that reads numbers from the front."""
     data, at = path.read_bytes(), 0
 
     def take(form):
@@ -94,7 +94,7 @@ def rotation(w, x, y, z):
 
 
 def fit(width, height, limit):
-    """The size with the longer side at most `limit`, as glint has it: never larger, and a side of half a pixel rounds up."""
+    """The size with a longer side of at most `limit`, as in glint: never enlarged, and half a pixel rounds up."""
     longer = max(width, height)
     if longer <= limit:
         return width, height
@@ -102,7 +102,7 @@ def fit(width, height, limit):
 
 
 def read_views(photos, folder, limit):
-    """Of the photos that are there: image [height, width, 3] as bytes, viewmat [4, 4], K [3, 3], whether it is for testing."""
+    """For each existing photo: image [height, width, 3] as bytes, viewmat [4, 4], K [3, 3], and whether it is for testing."""
     import numpy
     import torch
     from PIL import Image
@@ -110,7 +110,7 @@ def read_views(photos, folder, limit):
     views = []
     for i, photo in enumerate(photos):
         path = folder / photo.name
-        # One that is missing has its place in the order all the same.
+        # A missing photo keeps its place in the order.
         if not path.is_file():
             continue
         image = Image.open(path)
@@ -132,15 +132,15 @@ def read_views(photos, folder, limit):
 
 
 def normalise(views, points):
-    """Moves what the cameras look at to the origin and scales their median distance from it to 1: gsplat's weights, noise and near plane
-    are for such scenes. Returns the largest distance of a camera from their mean, times 1.1, which rates of positions are relative to."""
+    """Moves the cameras' target to the origin and scales their median distance from it to 1, as gsplat's weights, noise and near plane
+    assume. Returns 1.1 times the largest distance of a camera from their mean: the unit of the rates of positions."""
     import torch
 
     turns = torch.stack([view.viewmat[:3, :3] for view in views]).double()
     eyes = -(turns.transpose(1, 2) @ torch.stack([view.viewmat[:3, 3:] for view in views]).double())[..., 0]
     axes = turns[:, 2]
     across = torch.eye(3).double() - axes[:, :, None] * axes[:, None, :]
-    # The point nearest to all optical axes; a little toward the cameras' middle, so that parallel axes have one too.
+    # The point nearest to all optical axes, pulled slightly toward the cameras' middle so that it exists for parallel axes.
     little = 1e-6 * len(views) * torch.eye(3).double()
     centre = torch.linalg.solve(across.sum(0) + little, (across @ eyes[..., None]).sum(0)[..., 0] + little @ eyes.mean(0))
     scale = 1 / (eyes - centre).norm(dim=1).median()
@@ -195,7 +195,7 @@ def render(rasterize, params, view, degree):
 
 
 def ssim(a, b):
-    """Mean structural similarity of images [1, 3, height, width] where all of the window, 11 pixels of deviation 1.5, is within them."""
+    """Mean structural similarity of images [1, 3, height, width], over the pixels whose window (11 pixels, deviation 1.5) is inside."""
     import torch
 
     x = torch.arange(11, device=a.device) - 5.0
@@ -209,7 +209,7 @@ def ssim(a, b):
 
 
 def train(views, params, optimizers, rasterize, strategy, steps, similarity=ssim):
-    """All steps, each on one photo, every photo once before any comes again."""
+    """Runs all steps, each on one photo; no photo repeats before all were used."""
     import torch
 
     strategy.check_sanity(params, optimizers)
@@ -246,7 +246,7 @@ def evaluate(views, params, rasterize):
 
 
 def schedule(steps, gaussians):
-    """What gsplat's strategy is made with."""
+    """Arguments of gsplat's strategy."""
     part = lambda step: max(1, step * steps // FULL_RUN)
     return {
         "cap_max": gaussians, "refine_start_iter": part(500), "refine_stop_iter": part(25_000), "refine_every": part(100),
@@ -254,7 +254,7 @@ def schedule(steps, gaussians):
 
 
 def run(dataset, gaussians, steps, limit, seed, rasterize, strategy, device, similarity=ssim, wait=lambda: None, before=None):
-    """What is printed but for the versions. `wait` returns when the device is done, `before` is called with views and parameters."""
+    """The results without the versions. `wait` returns when the device is done; `before` is called with views and parameters."""
     import torch
 
     torch.manual_seed(seed)
@@ -296,7 +296,7 @@ def main():
     import gsplat
     import torch
 
-    # What gsplat's own trainer takes, where it is there.
+    # The SSIM of gsplat's own trainer, if it is installed.
     try:
         from fused_ssim import fused_ssim
 

@@ -1,11 +1,13 @@
-//! Compiles every kernel for AMD's GPUs, without a card, and prints registers, waves and memory on several families.
+//! Compiles every kernel for AMD's GPUs, without a card, and prints registers, waves and memory on several
+//! families.
 //!
 //!     radv --list > 32.json            the pipelines that `glint verify` makes on this device
 //!     radv [--against FOLDER] [--write FOLDER] 32.json 64.json
 //!
-//! The lists are made on lavapipe with software subgroups of 32 and of 64 lanes. Mesa's RADV compiles each pipeline on its null device
-//! (RADV_FORCE_FAMILY), once for each family. A refused kernel, a spilled register or scratch memory is a failure, and so are fewer
-//! waves than the folder's file of this version of Mesa says. tools/devices runs it with each Mesa that is there.
+//! The lists are made on lavapipe with software subgroups of 32 and of 64 lanes. Mesa's RADV compiles each
+//! pipeline on its null device (RADV_FORCE_FAMILY), once per family. It fails if a kernel is refused, spills
+//! registers, uses scratch memory, or has fewer waves than the folder's file for this version of Mesa.
+//! tools/devices runs it with each installed Mesa.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -27,7 +29,8 @@ use glint::{
 };
 use serde::{Deserialize, Serialize};
 
-/// GPUs to compile for, as Mesa names them; before version 24 it named RDNA 3 otherwise, and knew no later ones.
+/// GPUs to compile for, by Mesa's names; before version 24 it had another name for RDNA 3, and no later
+/// families.
 const FAMILIES: [&str; 5] = ["navi21", "navi31", "gfx1150", "gfx1200", "vega20"];
 const OLD_FAMILIES: [&str; 3] = ["navi21", "gfx1100", "vega20"];
 
@@ -62,23 +65,23 @@ struct Variant {
     constants: Vec<(u32, u32)>,
 }
 
-/// The driver's statistics of a compiled variant, or its refusal.
+/// The driver's statistics for a compiled variant, or its refusal.
 #[derive(Serialize, Deserialize)]
 struct Compiled {
     kernel: String,
-    /// Lanes of a subgroup.
+    /// Subgroup size.
     lanes: u32,
     statistics: std::result::Result<BTreeMap<String, u64>, String>,
 }
 
-/// All variants of a kernel on one family with one subgroup size: least and most.
+/// Range over all variants of a kernel on one family with one subgroup size: minimum and maximum.
 #[derive(Serialize, Deserialize, Clone, Copy, PartialEq, Eq)]
 struct Extent {
-    /// Vector registers of a lane.
+    /// Vector registers per lane.
     vgprs: [u64; 2],
-    /// Subgroups that a SIMD unit holds at once. From RDNA on RADV counts one of 64 lanes as two.
+    /// Subgroups that a SIMD unit can hold at once. From RDNA on, RADV counts one of 64 lanes as two.
     waves: [u64; 2],
-    /// Bytes of shared memory of a workgroup.
+    /// Bytes of shared memory per workgroup.
     lds: [u64; 2],
     /// Bytes of code.
     code: [u64; 2],
@@ -117,7 +120,7 @@ fn run(args: &Args) -> Result<bool> {
     let (mut results, mut faults) = (Results { driver: driver.clone(), ..Default::default() }, Vec::new());
     for (list, lanes) in args.lists.iter().zip([32, 64]) {
         let variants = fs::read_to_string(list)?;
-        // Before RDNA a subgroup has 64 lanes.
+        // GPUs before RDNA only have subgroups of 64 lanes.
         for family in families.iter().filter(|family| lanes == 64 || !family.starts_with("vega")) {
             for line in child(family, lanes, &variants)?.lines().skip(1) {
                 add(&mut results, &mut faults, family, serde_json::from_str(line)?);
@@ -140,7 +143,7 @@ fn run(args: &Args) -> Result<bool> {
     Ok(faults.is_empty())
 }
 
-/// This program once more, on RADV's null device: the driver's name and a line for each pipeline.
+/// Runs this program again on RADV's null device; prints the driver's name and a line per pipeline.
 fn child(family: &str, lanes: u32, variants: &str) -> Result<String> {
     let folder = Path::new("/usr/share/vulkan/icd.d");
     let names = fs::read_dir(folder)?.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
@@ -154,7 +157,7 @@ fn child(family: &str, lanes: u32, variants: &str) -> Result<String> {
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()?;
-    // It reads all of it before it writes anything.
+    // The child reads everything before it writes.
     child.stdin.take().expect("it is piped").write_all(variants.as_bytes())?;
     let output = child.wait_with_output()?;
     match output.status.success() {
@@ -168,7 +171,7 @@ fn list() -> Result<()> {
     verify::run(&context, &verify::Options { quick: true, perturb: 0.0 })?;
     let variants = context.pipelines().into_iter().map(|made| {
         let known = ALL.iter().find(|k| k.name == made.kernel).expect("a kernel of glint's");
-        // Without the one that only software subgroups have.
+        // Drop the constant that only software subgroups have.
         let constants = made.constants.into_iter().filter(|(id, _)| known.constants.iter().any(|c| c.id == *id));
         Variant { kernel: made.kernel.into(), constants: constants.collect() }
     });
@@ -192,11 +195,11 @@ fn compile(lanes: u32) -> Result<()> {
         let compiled = Compiled { kernel, lanes: wave, statistics };
         println!("{}", serde_json::to_string(&compiled)?);
     }
-    // The null device does not bear to be destroyed; the process ends.
+    // Destroying the null device crashes; the process ends instead.
     Ok(())
 }
 
-/// A device of RADV's that runs nothing, as glint would open it.
+/// A device of RADV that runs nothing, opened like glint's.
 struct Compiler {
     _entry: ash::Entry,
     device: ash::Device,
@@ -241,7 +244,7 @@ impl Compiler {
         }
     }
 
-    /// The module with what glint adds to it on such a device.
+    /// The module with glint's additions for such a device.
     fn module(&self, kernel: &KernelInfo) -> Result<Vec<u32>> {
         let reconvergence = match self.features.contains(&Feature::ShaderMaximalReconvergence) {
             true => MAXIMALLY_RECONVERGES,
@@ -252,7 +255,7 @@ impl Compiler {
         Ok(spirv::with_modes(&spirv::words(kernel.spirv)?, &modes)?)
     }
 
-    /// Lanes of a subgroup, and the driver's statistics.
+    /// Subgroup size, and the driver's statistics.
     fn compile(&self, kernel: &KernelInfo, constants: &[(u32, u32)]) -> Result<(u32, BTreeMap<String, u64>)> {
         let code = self.module(kernel)?;
         let bindings: Vec<_> = (0..kernel.bindings.len() as u32)
@@ -304,7 +307,7 @@ impl Compiler {
     }
 
     /// # Safety
-    /// `pipeline` was made with its statistics captured.
+    /// `pipeline` was created with captured statistics.
     unsafe fn statistics(&self, pipeline: vk::Pipeline) -> Result<(u32, BTreeMap<String, u64>)> {
         // SAFETY: by the contract above.
         let (executables, list) = unsafe {
@@ -350,7 +353,7 @@ fn add(results: &mut Results, faults: &mut Vec<String>, family: &str, compiled: 
     };
 }
 
-/// Kernels that have less than 16 waves on RDNA 2 or 3: registers / waves, of all variants.
+/// Prints kernels with less than 16 waves on RDNA 2 or 3: registers / waves, of all variants.
 fn print(results: &Results, families: &[&str]) {
     let columns: BTreeSet<&str> = results.kernels.values().flat_map(|k| k.keys().map(String::as_str)).collect();
     let columns: Vec<_> = families.iter().flat_map(|f| columns.iter().filter(move |c| c.starts_with(*f))).collect();
@@ -382,7 +385,7 @@ fn compare(now: &Results, before: &Results, faults: &mut Vec<String>) {
     }
 }
 
-/// JSON with a line for each kernel and column, so that changes are seen.
+/// JSON with a line per kernel and column, so that diffs are readable.
 fn text_of(results: &Results) -> Result<String> {
     let mut kernels = Vec::new();
     for (kernel, tables) in &results.kernels {

@@ -1,10 +1,11 @@
-//! Time of one training step, stage by stage, on a dataset, on the built-in scene or on random Gaussians.
+//! Measures the time of one training step, stage by stage, on a dataset, the built-in scene or random
+//! Gaussians.
 //!
 //!     cargo bench --bench step -- [DATASET | --size WxH [--overlap X]] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--tile WxH] [--half] [--json]
 //!
-//! With a size, random Gaussians learn photographs of their own kind, which are renders of others.
+//! With a size, random Gaussians train on renders of other random Gaussians.
 //!
-//! Before anything is timed, an image of the same kernels is compared with the float64 twin.
+//! Before timing, an image by the same kernels is compared with the float64 twin.
 
 mod size;
 
@@ -105,7 +106,7 @@ fn run(args: &Args) -> Result<()> {
         }
         None => task(&context, args)?,
     };
-    // All bands are in use from the thirtieth of a run on; the first run takes them there and warms up.
+    // All bands are in use after a thirtieth of a run; the first run gets there, and warms up.
     let options = BaseOptions { iterations: args.steps, sh_degree: args.sh_degree, ..Default::default() };
     let reduction = if args.atomic { Reduction::Atomic } else { Reduction::Deterministic };
     let session = Session {
@@ -165,7 +166,7 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// What is trained.
+/// The model and views to train.
 struct Task {
     model: Model,
     views: Views,
@@ -191,7 +192,8 @@ fn task(context: &Context, args: &Args) -> Result<Task> {
     Ok(Task { model, views, background: dataset.background, extent: dataset.extent() as f32 })
 }
 
-/// Fails unless the device's image of a random scene is the twin's: mean difference below 1e-5 (measured: 5e-7).
+/// Fails unless the device's image of a random scene equals the twin's: mean difference below 1e-5 (measured:
+/// 5e-7).
 fn check(context: &Context) -> Result<()> {
     let (scene, camera) = (random_scene(1, 2000, 0, 3), random_camera(96, 64));
     let views = Views::upload(context, &[camera], &[])?;

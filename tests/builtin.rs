@@ -1,4 +1,4 @@
-//! What the built-in scene promises to those who train on it.
+//! Tests the guarantees of the built-in scene: point coverage, reflections, encoding.
 
 use std::sync::LazyLock;
 
@@ -60,7 +60,7 @@ fn every_point_is_in_the_frame_of_three_training_cameras() {
     }
 }
 
-/// Every prefix covers all that training cameras see: each part of the surface has a point near.
+/// Every prefix covers everything that training cameras see: each part of the surface has a point nearby.
 #[test]
 fn every_prefix_covers_the_floor_that_is_seen() {
     let on_floor = |p: &&[f32; 3]| p[2].abs() < 0.03;
@@ -77,8 +77,8 @@ fn every_prefix_covers_the_floor_that_is_seen() {
     }
 }
 
-/// Reflection is more than a tenth of all the light (measured: 0.196), and lifts more than 2 % of the pixels (0.042) by
-/// over a quarter of white.
+/// Reflection is more than a tenth of all light (measured: 0.196), and brightens more than 2 % of the pixels
+/// (0.042) by over a quarter of white.
 #[test]
 fn reflections_are_a_real_part_of_the_image() {
     let (mut all, mut reflected, mut lifted, mut pixels) = (0.0f64, 0.0f64, 0usize, 0usize);

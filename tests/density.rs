@@ -1,4 +1,5 @@
-//! Density control: the number of Gaussians follows the strategy, within its limit, the same every run and across an interruption.
+//! Density control: the number of Gaussians follows the strategy within its limit, with the same bits every
+//! run and across an interruption.
 
 mod common;
 
@@ -18,7 +19,7 @@ use glint::{
 
 const STRATEGIES: [Strategy; 3] = [Strategy::Mcmc, Strategy::Adc, Strategy::Budget];
 
-/// Every float as its bits: 0 and −0 are told apart, and NaN is equal to itself.
+/// Every float as its bits: distinguishes 0 from −0, and NaN equals itself.
 fn bits(scene: &Scene) -> Vec<u64> {
     let p = Params::from_scene(scene).unwrap();
     [p.geometry, p.sh].concat().into_iter().map(f64::to_bits).collect()
@@ -47,7 +48,7 @@ impl Setup {
         DensityOptions { strategy, limit, first: self.start.len() as u32, iterations }
     }
 
-    /// With pages of so many Gaussians.
+    /// A model with pages of `page` Gaussians.
     fn model(&self, density: &DensityOptions, page: u32) -> Model {
         let mut base = self.start.clone();
         density.begin(&mut base);
@@ -80,14 +81,14 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
         let want = bits(&scene);
         println!("{strategy:?}: {first} to {} of {limit}", scene.base.len());
         assert!(scene.base.len() as u32 <= limit && scene.base.len() as u32 != first, "{strategy:?}");
-        // What the last refinement left.
+        // The number after the last refinement.
         assert_eq!(trainer.gaussians(), Some(scene.base.len() as u32));
         if strategy != Strategy::Adc {
-            // What dies late is not replaced by more than it was.
+            // Gaussians that die late are not replaced.
             assert!(scene.base.len() as u32 == limit, "{strategy:?}: {} of {limit}", scene.base.len());
         }
 
-        // In pages of another size, from a checkpoint after the first refinements.
+        // With another page size, from a checkpoint after the first refinements.
         let other = setup.model(&density, 320);
         let mut trainer = setup.trainer(&other, &density);
         trainer.start(false).unwrap();
@@ -109,7 +110,7 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
         }
         last_losses.push(whole.losses[138..170].iter().sum::<f32>() / 32.0);
 
-        // Of more Gaussians than there is room for: nothing changes.
+        // A checkpoint with more Gaussians than fit changes nothing.
         let small = setup.options(strategy, first, 200);
         let tight = setup.model(&small, 320);
         let before = bits(&tight.download().unwrap());
@@ -119,13 +120,14 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
             assert!(bits(&tight.download().unwrap()) == before);
         }
     }
-    // Draws make packed moments other ones, right on average: the mean loss of 32 steps is off by 0.8 % here, which another device's
-    // draws may make more of.
+    // Random rounding changes packed moments, though not their mean: the mean loss of 32 steps differs by 0.8
+    // % here, and may differ more with another device's random numbers.
     let [.., full, half] = last_losses[..] else { panic!("{last_losses:?}") };
     assert!((half / full - 1.0).abs() < 0.03 && half != full, "{half} with packed moments, {full} without");
 }
 
-/// By the size of its file's parameters: a checkpoint does not say how many Gaussians it has.
+/// Compares the size of the parameters in the file, since a checkpoint does not state the number of
+/// Gaussians.
 fn checkpoint_is_larger(checkpoint: &glint::pipelines::checkpoint::Checkpoint, first: u32, packed: bool) -> bool {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.safetensors");
@@ -153,8 +155,8 @@ fn a_limit_that_is_reached_holds_and_a_model_without_room_is_refused() {
     }
 }
 
-/// Nothing alive, all but one dead, NaN everywhere, one Gaussian, none: whatever it is, training ends without an error and within
-/// the limit.
+/// No living Gaussians, all but one dead, NaN everywhere, one Gaussian, none: in every case training ends
+/// without an error and within the limit.
 #[test]
 fn scenes_at_the_edge_of_having_gaussians_train() {
     let gpu = Gpu::new();
@@ -177,7 +179,7 @@ fn scenes_at_the_edge_of_having_gaussians_train() {
     nan.opacities.fill(f32::NAN);
     let mut some = cut(n);
     some.log_scales.iter_mut().step_by(3).for_each(|s| s[1] = f32::NAN);
-    // How many are left, at least and at most.
+    // Minimum and maximum number of remaining Gaussians.
     let all = n as u32;
     let cases = [
         ("dead", dead, all, all),

@@ -1,4 +1,5 @@
-//! Two runs on one device give the same bits: base training, and the whole augmentation; so does one that was interrupted.
+//! Two runs on one device give the same bits: base training, and the whole augmentation; so does an
+//! interrupted run.
 
 mod common;
 
@@ -19,7 +20,7 @@ use glint::{
     stages::WORKGROUP,
 };
 
-/// Every float as its bits: 0 and −0 are told apart, and NaN is equal to itself.
+/// Every float as its bits: distinguishes 0 from −0, and NaN equals itself.
 fn bits(scene: &Scene) -> Vec<u64> {
     let p = Params::from_scene(scene).unwrap();
     [p.geometry, p.sh, p.lobes].concat().into_iter().map(f64::to_bits).collect()
@@ -41,7 +42,7 @@ fn training_and_augmentation_give_the_same_bits_twice() {
     let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
     let start = Scene { base: from_points(&built.point_positions, &built.point_colors, 2), ..Default::default() };
     assert!(start.base.len() > 8 * WORKGROUP as usize && cameras.len() == 4);
-    // A device of its own for each run: nothing may be left over from the first.
+    // A separate device for each run, so that nothing is left from the first.
     let runs: Vec<_> = (0..2)
         .map(|_| {
             let gpu = Gpu::new();
@@ -60,11 +61,12 @@ fn training_and_augmentation_give_the_same_bits_twice() {
         .collect();
     println!("{} Gaussians, {} lifted", start.base.len(), runs[0].3);
     assert!(runs[0] == runs[1]);
-    // And the bits are not those of doing nothing.
+    // Training has changed the bits.
     assert!(runs[0].0 != bits(&start) && runs[0].0 != runs[0].2);
 }
 
-/// The joint phase has all there is to keep: two segments that learn different things, in several pages each.
+/// The joint phase covers everything in a checkpoint: two segments that learn different parameters, in
+/// several pages each.
 #[test]
 fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     let gpu = Gpu::new();
@@ -83,7 +85,7 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
     let options = JoinOptions { steps_per_view: 20, bias_correction: true, ..Default::default() };
     let paged = |page: u32| {
-        // More room than there are Gaussians, as a screen phase leaves it.
+        // Spare room, as after a screen phase.
         let room = Room { supplement: 70, page: Some(page), ..Default::default() };
         Model::upload_around(&gpu, views.origin, &scene, room).unwrap()
     };
@@ -94,7 +96,7 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     let want = bits(&model.download().unwrap());
     assert_eq!(steps.last(), Some(&80));
 
-    // From a loop that goes on itself, with submissions on their way, into pages of another size.
+    // From a running loop with submissions in flight, into pages of another size.
     let model = paged(192);
     let mut trainer = join(&session, &model, &views, &options).unwrap();
     trainer.start(false).unwrap();
@@ -110,7 +112,7 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     while trainer.advance(&other, &views).unwrap().is_some() {}
     assert!(bits(&other.download().unwrap()) == want);
     assert_eq!(trainer.report().losses, whole.losses);
-    // The last has nothing left to do.
+    // The last checkpoint has no steps left.
     let last = trainer.checkpoint(&other, &views).unwrap();
     let fresh = paged(256);
     let mut trainer = join(&session, &fresh, &views, &options).unwrap();
@@ -118,7 +120,7 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     assert_eq!((last.step, trainer.advance(&fresh, &views).unwrap()), (80, None));
     assert!(bits(&fresh.download().unwrap()) == want);
 
-    // Of another model, or of a longer schedule: nothing changes.
+    // With another model, or a longer schedule, nothing changes.
     let small = random_scene(3, 400, 300, 1);
     let model = Model::upload(&gpu, &small, 0).unwrap();
     let mut trainer = join(&session, &model, &views, &options).unwrap();

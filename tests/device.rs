@@ -1,4 +1,4 @@
-//! What is asked of a device, what is refused, and that what kernels are made into is valid.
+//! Tests device requirements and refusals, and the validity of rewritten kernels.
 
 mod common;
 
@@ -22,7 +22,7 @@ use glint::{
     verify::task::{Load, random_task},
 };
 
-/// What the validator says of a module; nothing where it is valid.
+/// The validator's output for a module; empty if it is valid.
 fn spirv_val(module: &[u32]) -> String {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), bytemuck::cast_slice::<u32, u8>(module)).unwrap();
@@ -34,7 +34,8 @@ fn spirv_val(module: &[u32]) -> String {
 
 #[test]
 fn every_kernel_is_valid_as_it_is_and_with_all_that_is_added_to_it() {
-    // Of 2021 and older, so that every validator knows it; the other mode of reconvergence is added by the same lines.
+    // Modes from 2021 or older, so that every validator knows them; the same code adds the newer mode of
+    // reconvergence.
     let modes = [SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW];
     for kernel in kernels::ALL {
         for module in [kernel.spirv, kernel.software_spirv] {
@@ -43,29 +44,31 @@ fn every_kernel_is_valid_as_it_is_and_with_all_that_is_added_to_it() {
             assert_eq!(spirv_val(&with_modes(&module, &modes).unwrap()), "", "{}, with modes", kernel.name);
         }
     }
-    // It would say something.
+    // Check that the validator reports faults.
     let module = words(kernels::ALL[0].spirv).unwrap();
     let half = Mode { operands: &[], ..SIGNED_ZERO_INF_NAN_PRESERVE };
     assert_ne!(spirv_val(&with_modes(&module, &[half]).unwrap()), "");
-    // Where the validator knows the newest mode, it holds it valid too.
+    // A validator that knows the newest mode must accept it too.
     let said = spirv_val(&with_modes(&module, &[MAXIMALLY_RECONVERGES]).unwrap());
     assert!(said.is_empty() || said.contains("6023"), "{said}");
 }
 
-/// A name as SPIR-V keeps it: UTF-8 in words, ended by a zero byte.
+/// A name in SPIR-V's encoding: UTF-8 in words, ended by a zero byte.
 fn text(words: &[u32]) -> String {
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).take_while(|&byte| byte != 0).collect();
     String::from_utf8(bytes).unwrap()
 }
 
-/// Where two kernels, or two passes of one, must come to the same decision, no compiler may turn a product and a sum into one operation in
-/// one of them only. llvmpipe never does, so that no image would show it: what is looked at is the promise itself, `NoContraction`.
+/// If two kernels, or two passes of one, must come to the same decision, the compiler must not contract a
+/// product and a sum in only one of them. llvmpipe never does, so no image would show it: the test checks the
+/// decoration `NoContraction` itself.
 #[test]
 fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
     const NO_CONTRACTION: u32 = 42;
-    // Negation, sum, difference, product and quotient, dot product, and the products with vectors and matrices.
+    // Negation, sum, difference, product and quotient, dot product, and the products with vectors and
+    // matrices.
     let contracts = |code: u32| matches!(code, 127 | 129 | 131 | 133 | 136 | 142..=148);
-    // By kernel and function: operations of float32, and those that are kept as they are.
+    // By kernel and function: float32 operations, and those with NoContraction.
     let mut found = BTreeMap::<(&str, String), [usize; 2]>::new();
     for kernel in kernels::ALL {
         let module = words(kernel.spirv).unwrap();
@@ -85,16 +88,17 @@ fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
         }
     }
     for (function, in_kernels) in [
-        // What is counted is listed.
+        // Counted tiles are the listed ones.
         ("tile_span", &["emit", "project", "screen_project"][..]),
         ("tile_rows", &["emit", "project", "screen_project"]),
-        // The backward pass stops where the forward pass did.
+        // The backward pass stops at the same splat as the forward pass.
         ("respond", &["blend", "blend_backward", "blend_backward_atomic"]),
-        // Points that are counted are written.
+        // Counted points are the written ones.
         ("screen_covariance", &["lift_count", "lift_pca", "lift_points", "screen_prune"]),
         ("make_footprint", &["lift_count", "lift_points", "screen_prune"]),
         ("footprint_weight", &["lift_count", "lift_points", "screen_prune"]),
-        // A distance to a block's box is never above that to a point in it; every pass over the keys sees the same keys.
+        // The distance to a block's box never exceeds that to a point in it; every pass over the keys sees
+        // the same keys.
         ("squared_length", &["lift_join"]),
         ("key_of", &["screen_draw"]),
     ] {
@@ -103,7 +107,8 @@ fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
         assert_eq!(kernels, in_kernels, "{function}");
         assert!(counts.iter().all(|[all, kept]| all == kept && *all > 0), "{function}: {counts:?}");
     }
-    // Of these a part: the splat that is counted and stored, what is left behind a splat, and what compensates a sum.
+    // Only a part of these: the splat that is counted and stored, the transmittance after a splat, and
+    // compensated sums.
     for (kernel, function, least) in [
         ("project", "main", 10),
         ("screen_project", "main", 3),
@@ -118,26 +123,26 @@ fn what_is_decided_twice_is_decided_by_the_same_arithmetic() {
     }
 }
 
-/// Lanes that read what others write at the same time read it by atomics, or Vulkan's memory model gives what they read no meaning.
-/// No run on a CPU shows a difference.
+/// Lanes that read memory while others write it must read by atomics; otherwise Vulkan's memory model leaves
+/// the result undefined. Runs on a CPU do not show a difference.
 #[test]
 fn a_buffer_that_a_kernel_writes_by_atomics_is_touched_by_nothing_else() {
     const STORAGE_BUFFER: u32 = 12;
-    // Written in one dispatch and read in the next, of which a specialisation constant tells which it is.
+    // Written in one dispatch and read in the next; a specialisation constant selects between the two.
     let apart = BTreeSet::from([("pursuit_claim", "Claims".to_owned())]);
     let (mut atomics, mut mixed) = (BTreeSet::new(), BTreeSet::new());
     for kernel in kernels::ALL {
         let module = words(kernel.spirv).unwrap();
         let list = instructions(&module).unwrap();
         let (mut names, mut pointees, mut buffers) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-        // By buffer: whether it is touched by plain loads and stores, and by atomics.
+        // By buffer: whether it has plain loads and stores, and whether it has atomics.
         let mut touched = BTreeMap::<String, [bool; 2]>::new();
         for i in &list {
             match opcode(i) {
                 op::NAME => drop(names.insert(i[1], text(&i[2..]))),
                 op::TYPE_POINTER => drop(pointees.insert(i[1], i[3])),
                 op::VARIABLE if i[3] == STORAGE_BUFFER => drop(buffers.insert(i[2], i[2])),
-                // Chains into a buffer are of the buffer.
+                // Access chains into a buffer belong to the buffer.
                 65 | 66 => {
                     if let Some(&buffer) = buffers.get(&i[3]) {
                         buffers.insert(i[2], buffer);
@@ -145,7 +150,7 @@ fn a_buffer_that_a_kernel_writes_by_atomics_is_touched_by_nothing_else() {
                 }
                 code => {
                     let pointer = match code {
-                        // A load and the atomics that have a result; a store and the atomic one.
+                        // A load and the atomics with a result; a store and the atomic one.
                         61 | 227 | 229..=242 | 6035 => i[3],
                         62 | 228 => i[1],
                         _ => continue,
@@ -173,7 +178,7 @@ fn a_buffer_that_a_kernel_writes_by_atomics_is_touched_by_nothing_else() {
 #[test]
 fn kernels_stay_within_the_shared_memory_that_vulkan_guarantees() {
     for kernel in kernels::ALL {
-        // The largest workgroups that are asked for, of radix_spine and of the kernels of independent subgroups.
+        // The largest workgroups in use: of radix_spine, and of the kernels with independent subgroups.
         let workgroup = if kernel.barriers { 1024 } else { 64 };
         let bytes = shared_bytes(&words(kernel.spirv).unwrap(), &[(0, workgroup)]).unwrap();
         assert!(bytes <= 16384, "{}: {bytes}", kernel.name);
@@ -186,7 +191,7 @@ fn every_feature_that_a_kernel_needs_is_asked_for() {
     let wanted = Context::requirements();
     for kernel in kernels::ALL {
         for feature in kernel.features {
-            // Of a borrowed device: asked for, or the owner may say that it is there.
+            // On a borrowed device: required, or declared available by the owner.
             assert!(wanted.features.contains(feature) || wanted.optional.contains(feature));
             let optional = wanted.optional.contains(feature);
             assert!(gpu.features().contains(feature) || optional, "{}: {feature:?}", kernel.name);
@@ -196,13 +201,13 @@ fn every_feature_that_a_kernel_needs_is_asked_for() {
         }
         assert_eq!(kernel.subgroups, kernel.features.contains(&Feature::SubgroupSizeControl), "{}", kernel.name);
     }
-    // Lanes are handed round by a number that only runs show: the validation layers do not ask for its feature.
+    // Only runs show the index of broadcasts: validation layers do not check its feature.
     let blend = kernels::ALL.iter().find(|k| k.name == "blend").unwrap();
     assert!(blend.features.contains(&Feature::SubgroupBroadcastDynamicId));
     assert_eq!(gpu.info().float_atomics, gpu.features().contains(&Feature::ShaderBufferFloat32AtomicAdd));
 }
 
-/// What a kernel is given is data, and so is what a device must allow for it: the one follows from the other.
+/// Required limits follow from the kernels' interfaces.
 #[test]
 fn limits_are_those_of_the_kernel_that_takes_most() {
     let needed = Context::requirements();
@@ -212,7 +217,7 @@ fn limits_are_those_of_the_kernel_that_takes_most() {
         assert_eq!(least(name), bindings, "{name}");
     }
     assert_eq!(least("maxPushConstantsSize"), kernels::ALL.iter().map(|kernel| kernel.push_bytes).max());
-    // As many as there are in Vulkan's guarantee, or any device could be refused for them.
+    // Within Vulkan's guaranteed limits; otherwise devices could be refused for them.
     assert!(least("maxPushConstantsSize") <= Some(128) && least("maxComputeSharedMemorySize") == Some(16384));
     assert_eq!(least("maxComputeWorkGroupInvocations"), Some(128));
     assert_eq!(needed.subgroup_lanes, [8, 64]);
@@ -236,7 +241,7 @@ fn a_size_of_subgroups_is_had_or_refused() {
     let info = gpu.info().clone();
     let [least, most] = info.subgroup_sizes;
     assert!((8..=64).contains(&info.subgroup_size) && info.max_workgroup.is_multiple_of(info.subgroup_size));
-    // Software subgroups have any size.
+    // Software subgroups can have any size.
     let offered = |lanes: u32| (least..=most).contains(&lanes) || info.reconvergence == Reconvergence::OneSubgroup;
     for lanes in [8, 16, 32, 64] {
         let options = ContextOptions { subgroup_size: Some(lanes), ..ContextOptions::from_env() };
@@ -270,7 +275,8 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
         };
         blend::Stage::new(&gpu, &spec).err().map(|e| e.to_string())
     };
-    // A kernel of independent subgroups takes a workgroup of one where the device asks for that, whatever is wanted.
+    // A kernel with independent subgroups uses workgroups of one subgroup if the device requires that,
+    // whatever the requested size.
     if gpu.info().reconvergence != Reconvergence::OneSubgroup {
         let (most, lanes) = (gpu.info().max_workgroup, gpu.info().subgroup_size);
         assert_eq!(blend(most), None);
@@ -283,7 +289,7 @@ fn a_pipeline_beyond_the_devices_limits_is_refused_by_name() {
     }
     let counter = step_done::Stage::new(&gpu, &step_done::Spec { workgroup_size: 0 });
     assert!(matches!(counter, Err(GpuError::Kernel { kernel: "step_done", .. })));
-    // 2^16 counters for each subgroup.
+    // 2^16 counters per subgroup.
     let spec = radix_upsweep::Spec {
         workgroup_size: 64,
         block: 1024,
@@ -317,7 +323,7 @@ fn a_buffer_beyond_the_memory_budget_is_refused_before_the_driver_is_asked() {
     let GpuError::OverBudget { name, bytes, used, budget: left } = &more else { panic!("{more}") };
     assert_eq!((name.as_str(), *bytes, *used, *left), ("too much", (budget / 2) + 4, budget / 2, budget));
     assert!(more.is_no_room() && more.to_string().contains("buffer too much needs 524292 bytes"), "{more}");
-    // What was refused takes nothing, and what is dropped is there again.
+    // A refused allocation takes nothing, and dropped memory is available again.
     assert_eq!((gpu.memory().used, gpu.memory().most_used), (budget / 2, budget / 2));
     let other = half.clone();
     drop(half);
@@ -329,12 +335,12 @@ fn a_buffer_beyond_the_memory_budget_is_refused_before_the_driver_is_asked() {
     let _quarter = Buffer::<u32>::new(&gpu, "quarter", 1 << 16, Location::Device).unwrap();
     gpu.count_most_anew();
     assert_eq!(gpu.memory().most_used, budget / 4);
-    // Nor does what is refused for the block that a small one has taken.
+    // A refusal for the block of a small buffer takes nothing either.
     let gpu = Gpu::with(ContextOptions { memory_budget: Some(6 << 20), ..ContextOptions::from_env() });
     let _small = Buffer::<u8>::new(&gpu, "small", 1 << 16, Location::Device).unwrap();
     assert!(Buffer::<u8>::new(&gpu, "large", 5 << 20, Location::Device).is_err());
     assert_eq!(gpu.memory().most_used, 1 << 16);
-    // Without a cap there is what the device has.
+    // Without a cap, the budget is the device's memory.
     assert!(Gpu::new().memory().budget > 1 << 28);
 }
 
@@ -352,8 +358,9 @@ fn a_context_made_again_keeps_the_device_open_and_has_the_rest_for_itself() {
     assert!(again.validation_messages().is_empty());
 }
 
-/// What one submission leaves to the next without a barrier or a semaphore is seen, or no test would show that frames and steps, which
-/// follow each other on a queue, wait for each other. Layers before 1.3.275 look at one command buffer after the other, unless they are told.
+/// Layers must detect a missing barrier or semaphore between two submissions; otherwise no test would show
+/// that successive frames and steps on a queue are synchronised. Layers before 1.3.275 only check single
+/// command buffers, unless configured.
 #[test]
 fn a_hazard_between_two_submissions_is_seen() {
     let options = ContextOptions::from_env();
@@ -371,7 +378,7 @@ fn a_hazard_between_two_submissions_is_seen() {
     let context = Context::new(&options).unwrap();
     let words = Buffer::<u32>::new(&context, "words", status::WORDS, Location::Device).unwrap();
     let count = step_done::Stage::new(&context, &step_done::Spec { workgroup_size: 1 }).unwrap();
-    // A kernel reads and writes what a submission before it fills.
+    // A kernel reads and writes a buffer that the previous submission fills.
     let pair = |after_all: bool| {
         let mut recorder = context.recorder("fill").unwrap();
         recorder.barrier();

@@ -1,4 +1,5 @@
-//! glint inside somebody else's renderer: on the caller's device, and only recording into the caller's command buffer.
+//! glint inside another renderer: on the caller's device, and only recording into the caller's command
+//! buffer.
 
 mod common;
 #[path = "common/counting.rs"]
@@ -39,8 +40,9 @@ use glint::{
     stages::{status, step_done},
 };
 
-/// An application's own device, made with what `Context::requirements` asks for; under the validation layers where `GLINT_VALIDATION` is
-/// set. When the device is gone the test fails if they said anything, of handles that were left too.
+/// An application's own device, made with the demands of `Context::requirements`; with validation layers if
+/// `GLINT_VALIDATION` is set. After the device is destroyed, the test fails if they have reported anything,
+/// including leaked handles.
 struct Application {
     entry: ash::Entry,
     instance: ash::Instance,
@@ -57,12 +59,12 @@ impl Application {
         Self::with(&Context::requirements().extensions)
     }
 
-    /// With these extensions, whatever is asked for.
+    /// With these extensions instead of the required ones.
     fn with(extensions: &[&CStr]) -> Self {
         Self::of(vk::API_VERSION_1_2, extensions)
     }
 
-    /// Of an older Vulkan without the layers: features of 1.2 are no part of it.
+    /// With an older Vulkan and without the layers: the features of 1.2 do not exist.
     fn of(version: u32, extensions: &[&CStr]) -> Self {
         let turn = Turn::alone();
         unsafe {
@@ -171,7 +173,7 @@ impl Drop for Application {
     }
 }
 
-/// An engine's commands, run and waited for.
+/// Records and runs commands of an engine, and waits.
 fn run(application: &Application, record: impl FnOnce(vk::CommandBuffer)) {
     let device = &application.device;
     unsafe {
@@ -190,8 +192,8 @@ fn run(application: &Application, record: impl FnOnce(vk::CommandBuffer)) {
     }
 }
 
-/// A scene is loaded and drawn in the application's commands, and once more in glint's own. In the end there is nothing left of what
-/// glint made; on the way kernels and buffers had their names.
+/// Loads and draws a scene in the application's commands, and again in glint's own. At the end all of glint's
+/// objects are destroyed; meanwhile kernels and buffers have their names.
 #[test]
 fn what_glint_makes_on_a_lent_device_it_names_and_destroys() {
     let (scene, camera) = (random_scene(7, 300, 80, 2), random_camera(61, 47));
@@ -220,7 +222,7 @@ fn what_glint_makes_on_a_lent_device_it_names_and_destroys() {
         unsafe { frames.record(commands, &frame) }.unwrap();
     });
     assert!(frames.report(0).unwrap().visible > 50);
-    // The labels of a frame: each stage that has a time begins one and ends it, none within another.
+    // Labels of a frame: each timed stage begins and ends one, without nesting.
     let labels = counting::heard().split_off(before);
     let stages: Vec<String> = labels
         .chunks(2)
@@ -253,7 +255,7 @@ fn what_glint_makes_on_a_lent_device_it_names_and_destroys() {
     }
 }
 
-/// An engine shares the device's memory with glint, by what is taken of it and not by what buffers were asked for.
+/// An engine shares the device's memory with glint: the allocated memory counts, not the sum of buffer sizes.
 #[test]
 fn what_is_taken_of_a_lent_device_is_counted_and_stays_within_the_budget() {
     let application = Application::new();
@@ -263,19 +265,20 @@ fn what_is_taken_of_a_lent_device_is_counted_and_stays_within_the_budget() {
         let (instance, device) = (instance.clone(), device.clone());
         let lent = BorrowedDevice { instance, device, memory_budget, ..application.borrowed() };
         let context = unsafe { Context::borrow(lent) }.unwrap();
-        // What the host maps counts too, where there is no other memory.
+        // Mapped memory counts too, if there is no other memory.
         let holds =
             |taken: u64| if context.info().is_cpu { taken == counting::memory() } else { taken <= counting::memory() };
-        // A small scene and its frames: what they take is not much more than what they have, with a budget or without.
+        // A small scene and its frames: allocations are only slightly larger than the buffers, with and
+        // without a budget.
         let scene = random_scene(7, 3000, 800, 2);
         let model = Model::upload(&context, &scene, 0).unwrap();
         let frames = Frames::new(&context, Limits::of(&model, 320, 200)).unwrap();
         let memory = context.memory();
         println!("{memory:?}");
         assert!(holds(memory.taken), "{memory:?}, not {}", counting::memory());
-        // The last block of several is not full.
+        // The last of several blocks is partly used.
         assert!(memory.used <= memory.taken && memory.taken < memory.used + (8 << 20), "{memory:?}");
-        // To the budget and not beyond it, in large pieces and in small ones.
+        // Up to the budget and not beyond it, in large and in small pieces.
         for bytes in [5 << 20, 1 << 20, 1 << 14].into_iter().filter(|_| memory_budget.is_some()) {
             let mut more = Vec::new();
             let refused = loop {
@@ -287,15 +290,15 @@ fn what_is_taken_of_a_lent_device_is_counted_and_stays_within_the_budget() {
                 assert!(holds(memory.taken) && memory.taken <= budget && memory.used <= memory.taken, "{memory:?}");
             };
             assert!(matches!(refused, GpuError::OverBudget { .. }), "{refused}");
-            // Of what is left there is less than a piece.
+            // The rest is smaller than a piece.
             assert!(context.memory().taken + bytes as u64 > budget, "{bytes}: {:?}", context.memory());
         }
         drop((frames, model));
-        // A block stays for what comes next.
+        // One block is kept for the next buffers.
         let memory = context.memory();
         assert!(holds(memory.taken) && memory.used == 0 && memory.taken <= 4 << 20, "{memory:?}");
     }
-    // Less than a block: each buffer has memory of its own, and nothing stays.
+    // The budget is smaller than a block: each buffer has separate memory, and nothing is kept.
     let budget = 2 << 20;
     let lent = BorrowedDevice { instance, device, memory_budget: Some(budget), ..application.borrowed() };
     let context = unsafe { Context::borrow(lent) }.unwrap();
@@ -342,7 +345,7 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
         let kept = recorder.finish();
         assert!(!kept.is_empty());
         device.end_command_buffer(commands).unwrap();
-        // Recording neither submitted nor waited; that is the application's.
+        // Recording neither submitted nor waited; the application does that.
         assert_eq!(context.counters(), before);
         let buffers = [commands];
         let submit = [vk::SubmitInfo::default().command_buffers(&buffers)];
@@ -356,8 +359,9 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
     drop((renderer, model, views, status, context));
 }
 
-/// A cache that an earlier run filled is the caller's to keep; what comes out of it renders the same bits, and sooner, where the driver
-/// keeps anything: lavapipe of Mesa 22.3 gives the header alone, compiles when a kernel first runs, and gains nothing.
+/// The caller keeps a cache from an earlier run. Its pipelines render the same bits, and are made faster if
+/// the driver stores anything: lavapipe of Mesa 22.3 returns only the header, compiles on the first run of a
+/// kernel, and gains nothing.
 #[test]
 fn the_callers_pipeline_cache_may_be_warm() {
     let (scene, camera) = (random_scene(7, 300, 50, 2), random_camera(61, 47));
@@ -375,20 +379,21 @@ fn the_callers_pipeline_cache_may_be_warm() {
         let image = renderer.render(&model, &views, 0, [0.5; 3]).unwrap().color;
         let made = context.counters().pipelines;
         drop((renderer, model, views, context));
-        // glint has left it to the caller.
+        // glint has not destroyed it.
         let data = device.get_pipeline_cache_data(cache).unwrap();
         device.destroy_pipeline_cache(cache, None);
         (image, data, time, made)
     };
     let (cold, data, cold_time, made) = shot(&[]);
-    // The header alone where a driver keeps nothing.
+    // Only the header, if the driver stores nothing.
     const HEADER: usize = 32;
     assert!(data.len() >= HEADER);
-    // Compiling is what takes time, and all of it is saved: half is far from both. A driver with a cache of its own on disk may have had
-    // the kernels at the first time; to read one takes no millisecond, so that fewer than five for each pipeline are nothing to save.
+    // Compiling takes nearly all of the time, and the cache saves it: half is far from both. A driver with
+    // its own disk cache may have had the kernels already; reading one takes less than a millisecond, so
+    // below five per pipeline there is nothing to save.
     let quick = Duration::from_millis(5) * made as u32;
     let saves = |warm_time| warm_time < cold_time / 2 || cold_time < quick;
-    // The best of a few, as a machine that does other things may hold one up.
+    // The best of a few, since a busy machine may delay one.
     let mut warm_time = Duration::MAX;
     for _ in 0..5 {
         let (warm, again, time, _) = shot(&data);
@@ -425,7 +430,7 @@ fn the_callers_lock_is_held_at_every_submission() {
     assert_eq!(buffer.download().unwrap(), [1, 2, 3]);
     let times = held.load(Relaxed);
     assert!(times > 0 && times == context.counters().submissions);
-    // A lock that lets nothing through is not taken for a fault of the driver's.
+    // A lock that refuses submissions is not reported as a driver failure.
     open.store(false, Relaxed);
     assert!(matches!(buffer.download(), Err(GpuError::NotSubmitted)));
 }
@@ -445,10 +450,10 @@ fn training_neither_submits_nor_waits_for_every_step() {
         let after = gpu.counters();
         (after.submissions - before.submissions, after.waits - before.waits)
     };
-    // What is submitted before the loop does not depend on its length; within, 16 steps share a submission.
+    // Submissions before the loop do not depend on its length; inside, 16 steps share one.
     let (short, long) = (train(16), train(16 + 320));
     assert_eq!(long.0 - short.0, 320 / 16);
-    // A submission is waited for once at most, and not at all where it is done by then: how often is the machine's affair.
+    // At most one wait per submission, and none if it is already done: the number depends on the machine.
     assert!(long.1 <= long.0, "{long:?} after {short:?}");
 }
 
@@ -461,7 +466,7 @@ fn steps_are_timed_all_through_a_run() {
     let views = Views::upload(&gpu, &[camera], &[&photo]).unwrap();
     let scene = Scene { base: random_scene(3, 200, 0, 1).base, ..Default::default() };
     let model = Model::upload(&gpu, &scene, 0).unwrap();
-    // 17 submissions of 16 steps, of which the first, the ninth and the seventeenth are timed.
+    // 17 submissions of 16 steps; the first, the ninth and the seventeenth are timed.
     let options = BaseOptions { iterations: 17 * 16, sh_degree: 1, ..Default::default() };
     let report = train_base(&Session::new(&gpu), &model, &views, &options, true, |_| ()).unwrap();
     let steps = report.steps.stages.iter().filter(|stage| stage.name == "step_done").count();
@@ -470,7 +475,7 @@ fn steps_are_timed_all_through_a_run() {
     assert!(means.is_empty() == (steps == 0) && means.iter().all(|(_, mean)| mean.is_finite()));
 }
 
-/// Of a frame that is waited for, and of what is only recorded.
+/// Errors of rendering with a wait, and of recording only.
 #[test]
 fn what_a_renderer_was_not_made_for_is_an_error() {
     let gpu = Gpu::new();
@@ -511,7 +516,7 @@ fn what_a_renderer_was_not_made_for_is_an_error() {
     let far = Model::upload_around(&gpu, elsewhere, &random_scene(3, 50, 0, 1), Room::default()).unwrap();
     refused(&far, &views, 0, "the views from [0, 0, 0]");
     refused(&plain, &upload(random_camera(33, 24)), 0, "a view of 792 pixels, made for 768");
-    // No more pixels, in more tiles.
+    // The same number of pixels, but more tiles.
     refused(&plain, &upload(random_camera(768, 1)), 0, "tiles, made for");
     let mut recorder = gpu.recorder("refused").unwrap();
     let short = Buffer::<u32>::zeroed(&gpu, "short", status::WORDS - 1).unwrap();
@@ -523,7 +528,8 @@ fn what_a_renderer_was_not_made_for_is_an_error() {
     assert!(recorder.finish().is_empty());
 }
 
-/// Ordinary descriptor sets give the same bits, in command buffers of glint's own and of the application's, again and again.
+/// Ordinary descriptor sets give the same bits, in glint's and in the application's command buffers,
+/// repeatedly.
 #[test]
 fn a_device_without_push_descriptors_computes_the_same() {
     let all = Context::requirements().extensions;
@@ -562,10 +568,10 @@ fn a_device_without_push_descriptors_computes_the_same() {
     assert!(computed[0] == computed[1]);
 }
 
-/// ash ends the program where a function is called that the instance's Vulkan does not have: all of them are asked for before.
+/// ash aborts if a function is called that the instance's Vulkan lacks: glint checks all of them first.
 #[test]
 fn an_instance_of_an_older_vulkan_is_refused() {
-    // Of 1.0 the loader asks a driver for no features of later versions, and none are there.
+    // For an instance of 1.0 the loader does not query features of later versions, so none are found.
     let refused =
         [(vk::API_VERSION_1_0, "lacks"), (vk::API_VERSION_1_1, "vkResetQueryPool: the instance must be of Vulkan 1.2")];
     for (version, words) in refused {
@@ -612,7 +618,7 @@ fn a_loop_that_is_ended_early_has_done_what_it_says() {
     trainer.start(false).unwrap();
     let seen = trainer.advance(&model, &views).unwrap().unwrap() as usize;
     let losses = trainer.stop().unwrap().losses;
-    // What was on its way is done as well.
+    // Work in flight is done as well.
     assert!(losses.len() >= seen && losses.len() < 320, "{} steps, {seen} seen", losses.len());
     assert_eq!(losses, all[..losses.len()]);
     assert_eq!(trainer.advance(&model, &views).unwrap(), None);
@@ -625,7 +631,7 @@ fn a_loop_that_is_ended_early_has_done_what_it_says() {
     while let Some(event) = enhancer.next(&views).unwrap() {
         if let Event::Join { step, steps } = event {
             assert!(step < steps);
-            // The first steps may have found no room, and are done again.
+            // The first steps may have run out of room, and are repeated.
             if step > 0 {
                 enhancer.stop(&views).unwrap();
             }

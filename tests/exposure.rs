@@ -1,4 +1,5 @@
-//! Exposure correction: photographs of known exposures are told from the scene, and what is learned of them is kept with it.
+//! Exposure correction: photographs with known exposures are separated from the scene, and checkpoints
+//! include the maps.
 
 mod common;
 
@@ -32,11 +33,11 @@ const GAUSSIANS: u32 = 600;
 
 struct Setup {
     session: Session,
-    /// Photographs of changing exposure.
+    /// Photographs with varying exposure.
     views: Views,
-    /// What each channel of each of them was multiplied by.
+    /// Factor of each channel of each photograph.
     gains: Vec<[f64; 3]>,
-    /// Of exposure 1.
+    /// Photographs with exposure 1.
     test: Vec<Photo>,
     start: Gaussians,
 }
@@ -49,7 +50,7 @@ impl Setup {
             let Camera { fx, fy, cx, cy, .. } = *camera;
             Camera { width: SIDE, height: SIDE, fx: by * fx, fy: by * fy, cx: by * cx, cy: by * cy, ..*camera }
         };
-        // Dark enough that no gain leaves 8 bits.
+        // Dark enough that no gain exceeds 8 bits.
         let truth = |camera: &Camera| -> Vec<f64> {
             render_truth(camera, Part::All).into_iter().map(|v| 0.7 * f64::from(srgb_from_linear(v))).collect()
         };
@@ -58,7 +59,7 @@ impl Setup {
         };
         let of = |is_test: bool| built.photos.iter().filter(move |p| p.is_test == is_test);
         let train: Vec<Camera> = of(false).step_by(4).map(|p| small(&p.camera)).collect();
-        // Brighter and darker by turns, each in a tint of its own; their mean is 1.
+        // Alternately brighter and darker, each with a different tint; the mean is 1.
         let gain = |i: usize, c: usize| {
             let (bright, tint) = ((5 * i % 12) as f64 / 5.5 - 1.0, ((7 * i + 5 * c) % 12) as f64 / 5.5 - 1.0);
             1.0 + 0.21 * bright + 0.09 * tint
@@ -112,7 +113,7 @@ impl Setup {
     }
 }
 
-/// The largest difference of the maps' mean from the identity.
+/// Largest difference of the maps' mean from the identity.
 fn off_mean(maps: &[[f32; 12]]) -> f64 {
     let mean = |e: usize| maps.iter().map(|map| f64::from(map[e])).sum::<f64>() / maps.len() as f64;
     (0..12).map(|e| (mean(e) - f64::from(IDENTITY[e])).abs()).fold(0.0, f64::max)
@@ -129,7 +130,7 @@ fn known_exposures_are_told_from_the_scene() {
     });
     let [(without, none), (with, Some(maps))] = found else { panic!("no maps") };
     assert_eq!(none, None);
-    // How much brighter a map makes the grey of the scene, beside how much brighter its photograph is.
+    // Compares the brightening of the scene's grey by a map with the gain of its photograph.
     let grey = 0.4;
     let (mut error, mut spread) = (0.0, 0.0);
     for (map, gain) in maps.iter().zip(&setup.gains) {
@@ -180,7 +181,7 @@ fn maps_are_learned_the_same_every_time_and_across_a_checkpoint() {
     assert!(bits(&fresh.download().unwrap()) == want && map_bits(&trainer) == want_maps);
     assert_eq!(trainer.report().losses, whole.losses);
 
-    // Without maps it is another run, and one without cannot be gone on with as one that has them: nothing changes.
+    // A run without maps is different, and neither can resume from the other's checkpoint: nothing changes.
     let (plain, mut trainer) = setup.trainer(120, false);
     trainer.start(false).unwrap();
     trainer.advance(&plain, &setup.views).unwrap();
@@ -208,7 +209,8 @@ fn maps_stay_when_a_run_is_planned_anew() {
     assert!(map_bits(&trainer) != before && off_mean(&trainer.exposures().unwrap().unwrap()) < 1e-6);
 }
 
-/// The map of one photograph is the scene's exposure: the identity, and the run is the one without.
+/// A single photograph's map would be the scene's exposure: it stays the identity, and the run equals one
+/// without maps.
 #[test]
 fn a_photograph_alone_keeps_its_colours() {
     let gpu = Gpu::new();

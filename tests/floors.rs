@@ -1,5 +1,5 @@
-//! What each stage is worth on the built-in scene, in dB: floors under base training, screen refinement, lifting and joining, and under
-//! what `train` and `enhance` do with no options.
+//! The gain of each stage on the built-in scene, in dB: lower bounds for base training, screen refinement,
+//! lifting and joining, and for `train` and `enhance` without options.
 
 mod common;
 
@@ -25,7 +25,7 @@ use glint::{
     stages::types::Lift,
 };
 
-/// Mean PSNR of a batch's training views, of the base alone and with its 2D Gaussians over it.
+/// Mean PSNR of a batch's training views: of the base alone, and with its 2D Gaussians over it.
 fn on_screen(refiner: &Refiner, photos: &[&Photo], background: [f32; 3]) -> (f64, f64) {
     let image = refiner.screen.raster.buffers.image.download().unwrap();
     let (mut before, mut after, mut first) = (0.0, 0.0, 0);
@@ -86,7 +86,7 @@ fn every_stage_is_worth_its_decibels() {
     };
     let (unrefined, refined) = (mean(|found| found.0), mean(|found| found.1));
 
-    // The same lifts, not joined.
+    // The same lifts without a joint phase.
     options.join.steps_per_view = 0;
     let mut enhancer = Enhancer::new(&session, &base, &views, &options).unwrap();
     let mut lifts = lifts.iter();
@@ -100,12 +100,12 @@ fn every_stage_is_worth_its_decibels() {
     let [learned, lifted, rejoined] = [&base, &unjoined.scene, &enhanced.scene].map(|scene| psnr_of(scene, &train));
     println!("test views: {at_first:.2}, trained {trained:.2}, joined {joined:.2} dB");
     println!("training views: trained {learned:.2}, screen {refined:.2}, lifted {lifted:.2}, joined {rejoined:.2} dB");
-    // The refiner's backdrop is what the base is evaluated as.
+    // The refiner's backdrop equals the base as evaluated.
     assert!((unrefined - learned).abs() < 0.02, "{unrefined} and {learned}");
 
-    // One device gives the same bits every run; devices differ in rounding, which 400 steps of training amplify to hundredths of a
-    // dB. A floor lies a quarter of a dB, or of the gain, below what llvmpipe has, which stands behind it. What a wrong setting
-    // costs: photographs with red and blue exchanged 3.8 dB.
+    // One device gives the same bits every run; devices differ in rounding, which 400 steps of training
+    // amplify to hundredths of a dB. A floor is a quarter of a dB, or of the gain, below llvmpipe's value in
+    // the trailing comment. A wrong setting costs more: swapping red and blue in photographs costs 3.8 dB.
     for (what, found, floor) in [
         ("a trained base, test views", trained, 25.79),                    // 26.04
         ("what the screen phase gains", refined - learned, 0.61),          // 0.82
@@ -140,14 +140,15 @@ fn what_is_done_by_default_is_worth_its_decibels() {
     let mut trainer = dense_trainer(&session, &model, &views, &options, &density).unwrap();
     trainer.run(&model, &views, false, |_| ()).unwrap();
     let base = model.download().unwrap();
-    // What the bar says of the last pass is what the photos say of the scene, but for what that pass learned: here 1.0 dB.
+    // The bar's PSNR over the last pass equals that of the photos, except for the progress during the pass:
+    // 1.0 dB here.
     let [_, lately] = trainer.lately(400, train.len()).unwrap();
     let learned =
         evaluate(&gpu, &base, &train, RenderOptions::default(), background, |_| Ok(())).unwrap().augmented.psnr;
     assert_eq!((trainer.gaussians(), base.base.len()), (Some(2000), 2000));
     assert!((0.0..2.0).contains(&(learned - lately)), "{lately} and {learned}");
 
-    // As the command has it without a budget, but for fewer steps.
+    // The command's settings without a budget, but with fewer steps.
     let mut options = EnhanceOptions { ratio: MOST_BY_GAIN, weigh: Weigh::Limit, ..EnhanceOptions::pursuit() };
     options.join.steps_per_view = 12;
     let mut enhancer = Enhancer::new(&session, &base, &views, &options).unwrap();
@@ -157,9 +158,9 @@ fn what_is_done_by_default_is_worth_its_decibels() {
     println!(
         "lately {lately:.2}, training views {learned:.2}; test views: trained {trained:.2}, augmented {augmented:.2} dB"
     );
-    // As above.
+    // Floors chosen like those above.
     let gained = augmented - trained;
-    // 26.09 and 0.64.
+    // llvmpipe has 26.09 and 0.64.
     for (what, found, floor) in [("a trained base", trained, 25.8), ("what an augmentation gains", gained, 0.48)] {
         assert!(found > floor, "{what}: {found:.2} dB, expected {floor}");
     }

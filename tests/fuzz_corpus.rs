@@ -1,6 +1,6 @@
-//! Replays `fuzz/corpus`: files that are odd, damaged, or once broke a reader (see tools/fuzz). Whatever the bytes, a reader
-//! does not panic, says what is wrong in one line that names the file, takes no longer than a moment, and no more memory
-//! than the file's size accounts for.
+//! Replays `fuzz/corpus`: files that are odd, damaged, or once broke a reader (see tools/fuzz). For any bytes
+//! a reader must not panic. Its error must be one line that names the file. Time is limited to a moment, and
+//! memory in proportion to the file's size.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -13,7 +13,7 @@ use std::{
 
 use glint::data::{check_file, file_kinds};
 
-/// Counts the bytes that a thread holds, so that tests beside it do not disturb.
+/// Counts the bytes held by a thread, so that parallel tests do not interfere.
 struct Counting;
 
 thread_local! {
@@ -22,7 +22,7 @@ thread_local! {
 }
 
 fn count(bytes: isize) {
-    // Gone while a thread ends, when nothing is measured any more.
+    // Missing while a thread ends, when no measurement runs.
     let _ = HELD.try_with(|held| {
         held.set(held.get() + bytes);
         let _ = PEAK.try_with(|peak| peak.set(peak.get().max(held.get())));
@@ -47,7 +47,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Where a block moves, both are held for a moment.
+        // While a block moves, both copies are held.
         count(size as isize);
         let moved = unsafe { System.realloc(pointer, layout, size) };
         count(-(layout.size() as isize));
@@ -58,24 +58,25 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What the result's arrays, held old and new while they grow, take at most for each byte of a file. A camera line of 10 bytes
-/// becomes an entry of 160 in a list and another in a map (40 measured); JSON that nobody asked for (`0,`) is kept as 32 bytes a
-/// value (25 measured); the narrowest row of a point cloud, 3 bytes, becomes 15.
+/// Maximum bytes of the results per byte of a file, counting old and new arrays during growth. A camera line
+/// of 10 bytes becomes an entry of 160 in a list and another in a map (40 measured); unused JSON values
+/// (`0,`) are kept as 32 bytes each (25 measured); the narrowest row of a point cloud, 3 bytes, becomes 15.
 const BYTES_PER_BYTE: usize = 64;
 /// A message, a header's names, a decoder's tables and windows.
 const FIXED_BYTES: usize = 64 << 10;
-/// A pixel of 16-bit RGBA is decoded to 8 bytes, becomes 16 as floats, 12 over the background and 3 in the end. The files
-/// here are of few pixels, or promise more than they hold.
+/// A pixel of 16-bit RGBA is decoded to 8 bytes, becomes 16 as floats, 12 over the background and 3 in the
+/// end. The files here have few pixels, or claim more than they hold.
 const IMAGE_BYTES: usize = 1 << 20;
-/// A compressed scene may become 256 times its file and a megabyte when it is inflated (SOG's images one by one: four of what is read
-/// at a time), and then as numbers: 9 bytes of a position in SPZ become 12, a byte of opacity 4, one of a harmonic 4.
+/// A compressed scene may inflate to 256 times its file plus a megabyte (SOG's images one by one: four times
+/// the part being read). Then it becomes numbers: 9 bytes of a position in SPZ become 12, a byte of opacity
+/// 4, one of a harmonic 4.
 const INFLATED_BYTES_PER_BYTE: usize = 8 * 256;
 const INFLATED_FIXED: usize = 8 << 20;
-/// What takes longest takes 0.3 s on a machine with nothing else to do; one that is slow and busy has taken four times as long. Work that
-/// grows with the square of a megabyte takes minutes.
+/// The slowest file takes 0.3 s on an idle machine; a slow and busy one has taken four times that. Quadratic
+/// work on a megabyte would take minutes.
 const MOMENT: Duration = Duration::from_secs(5);
 
-/// The error's text if there was one.
+/// Returns the error's text, if there was an error.
 #[track_caller]
 fn replay(kind: &str, name: &str, bytes: &[u8]) -> Option<String> {
     let path = Path::new(name);
@@ -125,7 +126,7 @@ fn no_file_of_the_corpus_breaks_its_reader() {
     }
 }
 
-/// What only hurts when it is long: a megabyte of the same.
+/// Inputs that are only harmful if long: a megabyte of repetitions.
 #[test]
 fn long_files_take_no_longer_than_their_length() {
     let lines = |begin: &str, line: &dyn Fn(usize) -> String, end: &str| {
@@ -141,7 +142,7 @@ fn long_files_take_no_longer_than_their_length() {
     };
     let ply = "ply\nformat ascii 1.0\n";
     let vertex = format!("{ply}element vertex 1\n");
-    // Every node names the mesh whose primitives are a third of the file.
+    // Every node names the mesh, whose primitives are a third of the file.
     let (primitives, nodes) = (vec!["{\"attributes\":{}}"; 20_000].join(","), vec!["{\"mesh\":0}"; 30_000].join(","));
     let roots = (0..30_000).map(|i| i.to_string()).collect::<Vec<_>>().join(",");
     let meshes = format!(

@@ -1,4 +1,4 @@
-//! glsl/generate.rs: what it makes of kernels, and what it refuses.
+//! Tests glsl/generate.rs: the code generated from kernels, and rejected kernels.
 
 #[allow(dead_code, reason = "each test uses its part")]
 #[path = "../glsl/generate.rs"]
@@ -8,7 +8,7 @@ use std::{collections::BTreeSet, env, fs, path::Path};
 
 use generate::{Demands, Interface, Types, compile, unit};
 
-/// A kernel of these declarations; `body` makes use of them.
+/// A kernel with these declarations; `body` uses them.
 fn kernel(declarations: &str, body: &str) -> Vec<u32> {
     compile(&source(declarations, body), "snippet.comp", false).unwrap()
 }
@@ -33,7 +33,7 @@ fn source(declarations: &str, body: &str) -> String {
     )
 }
 
-/// Element types of the buffers and the structs among them.
+/// Element types of the buffers, and the structs among these.
 fn bindings(declarations: &str, body: &str) -> Result<(Vec<String>, Types), String> {
     let mut types = Types::new();
     let interface = Interface::reflect(&kernel(declarations, body), &mut types)?;
@@ -73,7 +73,8 @@ fn scalars_of_8_16_and_32_bits_have_their_types_alone_in_vectors_and_in_arrays()
             + &buffer(2, "Pairs", "Pair");
         let body = format!("alone[i] = {scalar}(1); vectors[i] = {vector}(1); pairs[i].last = {scalar}(1);");
         let Ok((list, types)) = bindings(&all, &body) else {
-            // Six elements of 1 byte, or of 2: whole whatever their number. A struct of 6 bytes ends on no padding either.
+            // Six elements of 1 byte, or of 2: any number is valid. A struct of 6 bytes needs no padding at
+            // its end either.
             panic!("{scalar}: {:?}", bindings(&all, &body).err());
         };
         assert_eq!(list, [format!("alone: {rust}"), format!("vectors: [{rust}; {n}]"), "pairs: Pair".to_owned()]);
@@ -92,7 +93,7 @@ fn padding_of_any_kind_is_refused() {
     assert!(refused(&inside, "things[i].b = 1.0;").starts_with("b lies at 4, expected 1"));
     let behind = "struct S { float a; uint8_t b; };\n".to_owned() + &buffer(0, "Things", "S");
     assert_eq!(refused(&behind, "things[i].a = 1.0;"), "struct S of 5 bytes ends in padding to 4");
-    // Sound once it is filled.
+    // Valid with explicit padding.
     let filled = "struct S { float a; uint8_t b; uint8_t c; uint16_t d; };\n".to_owned() + &buffer(0, "Things", "S");
     assert_eq!(bindings(&filled, "things[i].a = 1.0;").unwrap().0, ["things: S"]);
     let std430 = "struct S { float a; vec3 b; };\nlayout(set = 0, binding = 0, std430) buffer Things { S things[]; };";
@@ -142,7 +143,7 @@ fn structs_of_one_name_are_one_struct() {
     let mut types = Types::new();
     let mut add = |fields| Interface::reflect(&kernel(&first(fields), "things[i].a = things[i + 1].a;"), &mut types);
     assert!(add("float a; uint b;").is_ok() && add("float a; uint b;").is_ok());
-    // Another type at the same place, another name, one member more.
+    // Another type at the same offset, another name, an extra member.
     for other in ["float a; float b;", "float a; uint c;", "float a; uint b; uint c;"] {
         assert_eq!(add(other).unwrap_err(), "struct S differs from another kernel's");
     }
@@ -205,17 +206,17 @@ fn what_a_kernel_asks_of_a_device_is_found_in_its_spirv() {
     assert_eq!(of(&things, "atomicAdd(things[i], 1.0);").2, ["ShaderBufferFloat32AtomicAdd"]);
     assert_eq!(of(&buffer(0, "Bytes", "uint8_t"), "bytes[i] = bytes[i + 1];").2, ["StorageBuffer8BitAccess"]);
     assert_eq!(of(&buffer(0, "Words", "float16_t"), "words[i] = words[i + 1];").2, ["StorageBuffer16BitAccess"]);
-    // What nobody would ask a device for.
+    // A feature that no device is asked for.
     let wide = kernel(&buffer(0, "Wide", "double"), "wide[i] = 1.0lf;");
     assert!(Demands::of(&wide).unwrap_err().starts_with("SPIR-V capability 10 is not known"));
-    // Every name is a feature that a device is asked for.
+    // Every name is a feature that devices can be asked for.
     let known: BTreeSet<String> = glint::gpu::Feature::ALL.iter().map(|f| format!("{f:?}")).collect();
     for name in [size, full, "SubgroupBroadcastDynamicId", "ShaderFloat16", "StorageBuffer8BitAccess"] {
         assert!(known.contains(name));
     }
 }
 
-/// The shaders of the renderer that stands outside, which has no compiler. `tools/kernels` writes these too.
+/// The shaders of the external example renderer, which has no compiler. `tools/kernels` writes these too.
 #[test]
 fn the_shaders_of_the_example_are_what_the_compiler_makes_of_their_sources() {
     for (file, kind) in [("mesh.vert", shaderc::ShaderKind::Vertex), ("mesh.frag", shaderc::ShaderKind::Fragment)] {
@@ -233,7 +234,7 @@ fn the_shaders_of_the_example_are_what_the_compiler_makes_of_their_sources() {
     }
 }
 
-/// `tools/kernels` runs this with GLINT_WRITE_KERNELS set, and then it writes them.
+/// `tools/kernels` runs this with GLINT_WRITE_KERNELS set, and then it writes the files.
 #[test]
 fn the_kernels_in_the_repository_are_what_the_compiler_makes_of_their_sources() {
     let folder = Path::new("glsl/spirv");
@@ -246,7 +247,8 @@ fn the_kernels_in_the_repository_are_what_the_compiler_makes_of_their_sources() 
     let there: BTreeSet<String> =
         fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     assert_eq!(there, files.keys().cloned().collect(), "run tools/kernels");
-    // The compiler's number is in each module: glslang of another release may well make other bytes of the same source.
+    // Each module contains the compiler's version: another release of glslang may give other bytes for the
+    // same source.
     for (name, bytes) in &files {
         let kept = fs::read(folder.join(name)).unwrap();
         assert!(

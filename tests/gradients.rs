@@ -1,5 +1,5 @@
-//! The twins' gradients against central differences of the whole chain project → … → blend, and properties that
-//! any renderer of this method has. Runs on the CPU alone.
+//! Compares the twins' gradients with central differences of the whole chain project → … → blend, and checks
+//! properties of any renderer of this method. Runs on the CPU alone.
 
 use glam::{DMat3, DVec3};
 use glint::{
@@ -24,17 +24,18 @@ const WIDTH: u32 = 24;
 const HEIGHT: u32 = 20;
 const PIXELS: usize = (WIDTH * HEIGHT) as usize;
 
-/// A colour's gradient as far as it is one: channels that are clamped at 0 have none, though descent passes what would raise them.
+/// A true derivative: channels clamped at 0 have none, though descent passes a gradient that would raise
+/// them.
 fn derivative(problem: &Problem, base: &Rendered) -> Params {
     let Rendered { projected, isects, blended } = base;
     let Problem { params, view, options, weights, .. } = problem;
     let records = blend_backward(&projected.splats, isects, &blended.image, weights);
     let records = sum_records(&projected.tile_counts, isects, &records);
-    // A curvature that is known stops all that is clamped.
+    // A known curvature blocks all clamped channels.
     probe_backward(params, view, options, &projected.splats, records, &vec![[1.0; 3]; params.count]).params
 }
 
-/// One parameter: the array and the index into it, the Gaussian it belongs to and its group.
+/// One parameter: its array and index, its Gaussian and its group.
 #[derive(Debug, Clone, Copy)]
 struct Parameter {
     array: Array,
@@ -51,7 +52,7 @@ fn value(params: &mut Params, parameter: Parameter) -> &mut f64 {
     }
 }
 
-/// All parameters but of the SH bands above 0, in which everything is linear, only every seventh.
+/// All parameters, but only every seventh of the SH bands above 0, since everything is linear in these.
 fn parameters(params: &Params) -> Vec<Parameter> {
     let mut all = Vec::new();
     for group in groups(params.sh_degree) {
@@ -96,7 +97,7 @@ impl Problem {
         }
     }
 
-    /// Adds to every log scale and to every opacity logit.
+    /// Adds constants to all log scales and opacity logits.
     fn grown(mut self, log_scale: f64, logit: f64) -> Self {
         let stride = self.params.stride;
         self.params.geometry[LOG_SCALE * stride..(LOG_SCALE + 3) * stride].iter_mut().for_each(|s| *s += log_scale);
@@ -113,11 +114,12 @@ impl Problem {
         pixels.map(|(w, c)| w[0] * c[0] + w[1] * c[1] + w[2] * c[2]).sum()
     }
 
-    /// The fourth-order central difference with the largest step of 1e-5, 1e-6, 1e-7 over which no pixel's
-    /// decisions and no kink of the Gaussian change; none when every step changes one.
+    /// The fourth-order central difference with the largest step of 1e-5, 1e-6, 1e-7 that changes no decision
+    /// of a pixel and no kink of the Gaussian; `None` if every step changes one.
     ///
-    /// At 1e-5 a Gaussian moves by at most 1e-3 of its projected width, so that the truncation, the fourth power
-    /// of that, is below 1e-11; the rounding is 1e-16 · |loss| ~ 1e-15, with sums of 500 pixels 1e-13, over the step.
+    /// At 1e-5 a Gaussian moves by at most 1e-3 of its projected width, so the truncation, the fourth power
+    /// of that, is below 1e-11. The rounding is 1e-16 · |loss| ~ 1e-15, or 1e-13 with sums of 500 pixels,
+    /// divided by the step.
     fn difference(&self, base: &Rendered, parameter: Parameter) -> Option<(f64, f64)> {
         let mut params = self.params.clone();
         let centre = *value(&mut params, parameter);
@@ -135,7 +137,7 @@ impl Problem {
     }
 }
 
-/// What a check of one problem saw, so that no branch passes by being absent.
+/// Coverage of one problem's check, so that no branch passes by being absent.
 #[derive(Default, Debug)]
 struct Seen {
     tested: usize,
@@ -144,13 +146,13 @@ struct Seen {
     narrowed: usize,
     /// Parameters with a gradient, by group.
     live: [usize; 9],
-    /// Of those, of Gaussians whose Jacobian is clamped.
+    /// Those of Gaussians with a clamped Jacobian.
     jacobian_clamped: usize,
-    /// Of those, of Gaussians with a colour channel clamped at 0.
+    /// Those of Gaussians with a colour channel clamped at 0.
     color_clamped: usize,
     /// Pixels and Gaussians with an α clamped at 0.99.
     alpha_clamped: usize,
-    /// Pixels whose transmittance ended below 1e-3.
+    /// Pixels with a final transmittance below 1e-3.
     opaque: usize,
 }
 
@@ -173,7 +175,7 @@ fn check(problem: &Problem, seen: &mut Seen) {
         );
         seen.tested += 1;
         seen.narrowed += (h < 1e-5) as usize;
-        // A gradient that rounding cannot hide.
+        // A gradient large enough not to be rounding.
         if gradient.abs() > 1e-6 {
             let kinks = base.projected.kinks[parameter.gaussian];
             seen.live
@@ -200,7 +202,7 @@ fn every_gradient_is_the_central_difference() {
             let options = Options { compensate, tile_width, tile_height, ..Default::default() };
             let problem = Problem::new(40 + 2 * n as u64 + compensate as u64, 24, 16, options);
             check(&problem, &mut seen);
-            // Large and opaque: some reach in from far beside the image, α is clamped, pixels stop early.
+            // Large and opaque: some reach in from far outside the image, α is clamped, pixels stop early.
             check(&problem.grown(2.3, 5.0), &mut seen);
         }
     }
@@ -223,7 +225,7 @@ fn gradients_of_betas_are_central_differences() {
     println!("{seen:?}");
     assert!(seen.skipped * 50 < seen.tested, "too many parameters at a threshold: {seen:?}");
     assert!(seen.live.iter().all(|&live| live >= 30) && seen.color_clamped >= 30, "{seen:?}");
-    // Of degree 0 there is the constant alone.
+    // With degree 0 there is only the constant.
     let problem = Problem::of(124, 60, 20, BETAS, Options { active_degree: 0, ..Default::default() });
     let mut plain = problem.params.clone();
     plain.sh.truncate(3 * plain.stride);
@@ -231,8 +233,9 @@ fn gradients_of_betas_are_central_differences() {
     assert_eq!(problem.render(&problem.params).blended, problem.render(&plain).blended);
 }
 
-/// By the rule itself: a channel that is not clamped has its derivative; one that is passes the loss's slope in the colour where it is below
-/// 0, so that a step raises it, and nothing else. A probe passes it while no curvature is known.
+/// Checks the rule itself: an unclamped channel has its derivative. A clamped channel passes the loss's slope
+/// in the colour only if it is negative, so that a step raises the channel. A probe passes it while no
+/// curvature is known.
 #[test]
 fn a_clamped_colour_passes_what_raises_it() {
     let (mut raised, mut held, mut free) = (0, 0, 0);
@@ -250,7 +253,7 @@ fn a_clamped_colour_passes_what_raises_it() {
             for c in 0..3 {
                 let at = c * params.stride + i;
                 let [got, probed, none] = [&found.params, &probe, &stopped].map(|grads| grads.sh[at]);
-                // The constant's slope is that of the colour times Y_0.
+                // The constant's slope is the colour's times Y_0.
                 let slope = record[6 + c] * 0.282_094_791_773_878_14;
                 let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * slope.abs();
                 assert!(near(probed, slope), "Gaussian {i}");
@@ -284,8 +287,9 @@ fn coefficients_beyond_the_active_degree_neither_shine_nor_learn() {
     }
 }
 
-/// Needles along the axis of a camera whose numbers are all short: where they lie in the picture is exact, so a crop differs in no bit.
-/// Its principal point is 32 pixels to the left of it; a clamp about that would bend all of them.
+/// Needles along the axis of a camera with short numbers: their positions in the picture are exact, so a crop
+/// must equal it bit for bit. The crop's principal point is 32 pixels to its left; a clamp about that would
+/// bend all needles.
 #[test]
 fn a_crop_is_the_crop_of_the_whole_picture_bit_for_bit() {
     let (width, height, n) = (128, 96, 60);
@@ -323,7 +327,7 @@ fn a_crop_is_the_crop_of_the_whole_picture_bit_for_bit() {
     }
 }
 
-/// Copies Gaussian `from[i]` to i; base must stay base and supplement supplement.
+/// Copies Gaussian `from[i]` to i; must not mix base and supplement.
 fn permuted(params: &Params, from: &[usize]) -> Params {
     let mut out = params.clone();
     for (i, &source) in from.iter().enumerate() {
@@ -341,7 +345,7 @@ fn permuted(params: &Params, from: &[usize]) -> Params {
     out
 }
 
-/// Without ties in z the order of blending, hence every bit, is the same.
+/// Without ties in z the order of blending is the same, and therefore every bit.
 #[test]
 fn the_order_in_which_gaussians_are_stored_changes_nothing() {
     let problem = Problem::new(70, 400, 150, Options::default());
@@ -358,8 +362,8 @@ fn the_order_in_which_gaussians_are_stored_changes_nothing() {
     assert_eq!(permuted(&before.params, &from), after.params);
 }
 
-/// Three opaque walls right before the camera: two take the transmittance to 1e-4, every pixel stops at the third
-/// at the latest.
+/// Three opaque walls close to the camera: two reduce the transmittance to 1e-4, every pixel stops at the
+/// third at the latest.
 #[test]
 fn what_is_hidden_changes_nothing_and_learns_nothing() {
     let mut problem = Problem::new(80, 203, 50, Options::default());
@@ -380,7 +384,7 @@ fn what_is_hidden_changes_nothing_and_learns_nothing() {
     let mut walls = problem.params.clone();
     walls.geometry[OPACITY * stride..(OPACITY + 1) * stride][3..].fill(-20.0);
     let bare = problem.render(&walls);
-    // Who stopped a pixel may differ, its colour may not.
+    // Different Gaussians may stop a pixel, but its colour is the same.
     assert_eq!(full.blended.image, bare.blended.image);
     assert_eq!(full.blended.median, bare.blended.median);
     assert!(full.isects.isect_slots.len() > bare.isects.isect_slots.len() + 100);
@@ -415,7 +419,7 @@ fn gaussians_that_are_not_visible_can_be_left_out() {
     assert_eq!(problem.render(&fewer).blended.image, full.blended.image);
 }
 
-/// The image to the last bit; gradients up to the order in which tiles are summed.
+/// The image is equal to the last bit, gradients up to the order of summing tiles.
 #[test]
 fn the_tile_size_changes_nothing() {
     let mut problem = Problem::new(100, 400, 150, Options::default()).grown(0.5, 0.0);
@@ -436,7 +440,8 @@ fn the_tile_size_changes_nothing() {
     }
 }
 
-/// The image is a convex combination: transmittance and weights sum to 1, so equal colours everywhere give that colour.
+/// The image is a convex combination: transmittance and weights sum to 1, so equal colours everywhere give
+/// that colour.
 #[test]
 fn a_scene_of_one_colour_has_that_colour() {
     let mut problem = Problem::new(110, 400, 150, Options::default()).grown(0.5, 0.0);

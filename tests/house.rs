@@ -1,4 +1,4 @@
-//! What holds of the code as a whole.
+//! Checks properties of the code base as a whole.
 
 use std::{collections::BTreeSet, fs, path::Path};
 
@@ -21,7 +21,7 @@ fn every_kernel_has_a_stage_and_a_twin_of_its_name() {
     let mut kernels = Vec::new();
     files(&root.join("glsl"), "comp", &mut kernels);
     assert!(kernels.len() > 25 && kernels.len() == NAMES.len());
-    // `tests/verify.rs` holds that each stage is compared with its twin.
+    // `tests/verify.rs` checks that each stage is compared with its twin.
     for kernel in kernels {
         let name = kernel.file_stem().unwrap().to_str().unwrap();
         assert!(NAMES.contains(&name), "{name}");
@@ -34,7 +34,8 @@ fn unsafe_code_is_in_the_vulkan_layer_and_where_a_caller_hands_over_handles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut sources = Vec::new();
     files(&root.join("src"), "rs", &mut sources);
-    // The viewer's window is its own, and so are instance, device and swapchain, which it lends as any renderer would.
+    // The viewer has its own window, instance, device and swapchain, and lends them to glint like any
+    // renderer.
     let home = |path: &&std::path::PathBuf| {
         let hands_over = path.ends_with("frames.rs") || path.ends_with("cli/view/screen.rs");
         hands_over || ["src/gpu", "src/c"].iter().any(|folder| path.starts_with(root.join(folder)))
@@ -46,22 +47,23 @@ fn unsafe_code_is_in_the_vulkan_layer_and_where_a_caller_hands_over_handles() {
     }
 }
 
-/// A block of tests/guards.txt: what is taken away, and the test that must then fail.
+/// A block of tests/guards.txt: the removed code, and the test that must then fail.
 struct Guard<'a> {
     name: &'a str,
-    /// The test's file and name.
+    /// File and name of the test.
     test: (&'a str, &'a str),
-    /// Of what takes its place, for each place in the source: how many braces it leaves open.
+    /// For each place in the source, the number of braces that the replacement leaves open.
     open: Vec<i32>,
 }
 
-/// How many braces of a line more are opened than closed.
+/// Opened minus closed braces of a line.
 fn open_braces(line: &str) -> i32 {
     let code = line.split_once("//").map_or(line, |(code, _)| code);
     code.chars().map(|c| i32::from(c == '{') - i32::from(c == '}')).sum()
 }
 
-/// Guards in the source, one for each place in the order of paths: name, and how many braces what it stands for leaves open.
+/// Guards in the source, one entry per place in the order of paths: name, and the number of braces that the
+/// guarded lines leave open.
 fn guarded_places(root: &Path) -> Vec<(String, i32)> {
     let mut sources = Vec::new();
     for (folder, extension) in [("glsl", "comp"), ("glsl", "glsl"), ("src", "rs")] {
@@ -76,7 +78,7 @@ fn guarded_places(root: &Path) -> Vec<(String, i32)> {
             let Some((code, list)) = line.split_once("// guard: ") else { continue };
             let (list, count) = list.split_once(" (").unwrap_or((list, "1 lines)"));
             let count: usize = count.strip_suffix(" lines)").unwrap().parse().unwrap();
-            // Alone on its line it stands above the guard, and other such lines may lie between.
+            // A guard comment on its own line precedes the guarded code; other such lines may come between.
             let stands_for = |line: &&&str| !code.trim().is_empty() || !line.trim_start().starts_with("// guard: ");
             let open =
                 lines[at..].iter().skip_while(|line| !stands_for(line)).take(count).map(|l| open_braces(l)).sum();
@@ -86,8 +88,8 @@ fn guarded_places(root: &Path) -> Vec<(String, i32)> {
     places
 }
 
-/// `tools/guards` takes each guard away and runs its test. This holds that there is something to take away, a test to run, and a
-/// guard or a reason for every row of docs/extremes.md.
+/// `tools/guards` removes each guard and runs its test. This test checks that every guard exists in the
+/// source and has a test, and that every row of docs/extremes.md has a guard or a reason.
 #[test]
 fn every_extreme_has_its_guards_and_every_guard_its_test() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -117,7 +119,7 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
             _ => panic!("{bad}"),
         }
     }
-    // The tool changes the line that loads kernels, which it knows by its text.
+    // The tool changes the line that loads kernels, and finds it by its text.
     let tool = read("tools/guards");
     let loads = tool.split("my $LOADS = '").nth(1).and_then(|rest| rest.split('\'').next()).unwrap();
     assert!(read("src/gpu/pipeline.rs").contains(loads), "tools/guards looks for `{loads}` in src/gpu/pipeline.rs");
@@ -126,12 +128,12 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
     for Guard { name, test: (file, function), open } in &guards {
         assert!(names.insert(*name), "[{name}] is there twice");
         let places: Vec<i32> = there.iter().filter(|(place, _)| place == name).map(|(_, open)| *open).collect();
-        // Where lines have moved, braces often no longer match.
+        // If lines have moved, braces often no longer match.
         assert_eq!(
             &places, open,
             "places of [{name}] in the source, and the braces that each and its change leave open"
         );
-        // A test of the library is named with its modules, of which the last is `tests`.
+        // A test of the library is named with its modules; the last one is `tests`.
         let (path, function) = match (*file, function.split_once("::tests::")) {
             ("lib", Some((module, function))) => (format!("src/{}.rs", module.replace("::", "/")), function),
             (file, _) => match function.split_once("::") {
@@ -160,7 +162,7 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
             }
             (section, bare) = (name, true);
         } else if let Some(cell) = line.strip_prefix("| ").and_then(|line| line.split(" | ").next()) {
-            // The first row is the table's head, and stands before the line of dashes.
+            // The first row is the table's head, followed by the line of dashes.
             if lines.get(at + 1).is_none_or(|next| !next.starts_with("|---")) {
                 wanted.insert((section, cell));
             }
@@ -170,7 +172,7 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
     if bare {
         wanted.insert((section, ""));
     }
-    // What no test can see on llvmpipe.
+    // Guards that no test on llvmpipe can check.
     wanted.insert(("Not taken away", ""));
     let missing: Vec<_> = wanted.difference(&served).collect();
     let strange: Vec<_> = served.difference(&wanted).collect();

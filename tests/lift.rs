@@ -1,4 +1,4 @@
-//! Inverse splatting on the device against its float64 twins.
+//! Compares inverse splatting on the device with its float64 twins.
 
 mod common;
 
@@ -25,7 +25,7 @@ fn exclusive_scan(counts: &[u32]) -> Vec<u32> {
 
 // --- clustering of arbitrary sets ---
 
-/// Sets of points with a heaviest one and a first τ each.
+/// Sets of points, each with its heaviest point and first τ.
 #[derive(Default)]
 struct Sets {
     points: Vec<[f32; 4]>,
@@ -77,8 +77,8 @@ fn cluster_on_device(context: &Context, sets: &Sets, fail_on_smallest: bool) -> 
     }
 }
 
-/// Coordinates and τ are small integers: every squared distance is exact in float32, so the partition must be the twin's to the last
-/// point, ties at exactly τ included.
+/// Coordinates and τ are small integers: every squared distance is exact in float32, so the partition must
+/// equal the twin's to the last point, including ties at exactly τ.
 fn assert_same_clusters(context: &Context, sets: &Sets) {
     for rule in [false, true] {
         assert_no_breach(context, |context| drop(cluster_on_device(context, sets, rule)));
@@ -97,7 +97,7 @@ fn random_sets(seed: u64) -> Sets {
     sets
 }
 
-/// Rows of pixels on two surfaces, as footprints give, with holes; row by row or `shuffled`.
+/// Rows of pixels on two surfaces, as in footprints, with holes; row by row or `shuffled`.
 fn footprint_like(rng: &mut impl Rng, radius: i32, shuffled: bool) -> Vec<[f32; 3]> {
     let mut set = Vec::new();
     for y in -radius..=radius {
@@ -159,8 +159,9 @@ fn clustering_many_sets_at_once_gives_every_run_the_same_labels() {
     assert_eq!(a.labels, b.labels);
 }
 
-/// The largest footprint that the screen phase allows at 1600 × 1000 pixels: σ = 26 px to 3.3 σ, 23,000 points. The twin's
-/// all pairs would take long; that two surfaces 100 apart are two groups is known.
+/// The largest footprint that the screen phase allows at 1600 × 1000 pixels: σ = 26 px to 3.3 σ, 23,000
+/// points. The twin's comparison of all pairs would take long, but the result is known: two surfaces 100
+/// apart are two groups.
 #[test]
 fn the_largest_footprint_falls_into_its_two_surfaces() {
     let context = Gpu::new();
@@ -186,25 +187,26 @@ fn sets_that_cannot_be_clustered_have_size_zero() {
         sets.push(vec![[0.0; 3]; 5], 0, tau);
     }
     sets.push(vec![[f32::NAN; 3]; 40], 0, 1.0);
-    // Broken points among good ones.
+    // Invalid points among valid ones.
     let mixed = |i: usize| {
         if i.is_multiple_of(3) { [1.0, [f32::NAN, f32::INFINITY][i % 2], 2.0] } else { [i as f32, 0.0, 0.0] }
     };
     sets.push((0..60).map(mixed).collect(), 1, 5.0);
     // Farther apart than 1.5^32 times the first τ.
     sets.push((0..9).map(|i| [i as f32 * 1e12, 0.0, 0.0]).collect(), 0, 1.0);
-    // A heaviest point that does not exist is taken for the last.
+    // A heaviest point beyond the end is replaced by the last.
     let two = |i: usize| if i < 4 { [0.0; 3] } else { [100.0; 3] };
     sets.push((0..7).map(two).collect(), 77, 1.0);
     let got = cluster_on_device(&context, &sets, false);
     assert_eq!((got.sizes, got.primes[8]), (vec![0, 0, 0, 0, 0, 0, 40, 0, 3], 4));
 }
 
-/// Three points each, farther apart than the first τ and closer than the second: every set asks for another round.
+/// Three points each, farther apart than the first τ and closer than the second: every set needs another
+/// round.
 #[test]
 fn rounds_of_more_workgroups_than_a_dimension_has_reach_every_point() {
     let context = Gpu::new();
-    // Workgroups of 64 threads, each of which takes a point.
+    // Workgroups of 64 threads, one point per thread.
     let count = 65_535 * 64 / 3 + 40;
     let mut sets = Sets::default();
     for _ in 0..count {
@@ -228,7 +230,7 @@ struct OnDevice {
 }
 
 impl OnDevice {
-    /// Lifts that were made; all words of all of them are finite.
+    /// Number of lifts; checks that all their words are finite.
     fn made(&self) -> u32 {
         for (lift, &flag) in self.lifts.iter().zip(&self.flags) {
             let words: &[f32] = bytemuck::cast_slice(std::slice::from_ref(lift));
@@ -273,7 +275,7 @@ fn lifts_are_the_twins() {
     }
 }
 
-/// At 1000 a float32 is off by 3e-5, the eye too; the shape must not be touched by it.
+/// At 1000 a float32 is off by 3e-5, the eye too; the shape must not depend on it.
 #[test]
 fn a_scene_far_from_its_origin_is_lifted_as_well() {
     let (context, case) = (Gpu::new(), Case::new(23, 100, DVec3::new(1000.0, -500.0, 700.0)));
@@ -301,8 +303,8 @@ fn broken_input_gives_no_lift_and_no_nan() {
     assert!(made > 20, "{made}");
 }
 
-/// One camera before twelve fields of 40 × 40 pixels, a 2D Gaussian in the middle of each; `depth` says what lies at a pixel
-/// of a field, from its middle.
+/// One camera in front of twelve fields of 40 × 40 pixels, with a 2D Gaussian in the middle of each; `depth`
+/// gives the depth of a field's pixel, relative to its middle.
 fn fields(unit: f32, depth: impl Fn(usize, i32, i32) -> f32) -> Case {
     let camera = look_at(DVec3::new(0.5, -0.4, -6.0), DVec3::ZERO, 240, 80);
     let field = |x: u32, y: u32| ((x / 40 + 6 * (y / 40)) as usize, x as i32 % 40 - 20, y as i32 % 40 - 20);
@@ -338,16 +340,16 @@ fn degenerate_footprints_are_lifted_as_the_twin_lifts_them() {
         2 => on(y == 0 && (0..3).contains(&x)), // three in a row
         3 => on(y == 0),                        // a row
         4 => on(x == y),                        // a diagonal
-        5 => on(x * x + y * y >= 4),            // no depth under the centre
-        6 => of(x < 1, 5.0, 9.0),               // a step beside the centre
-        7 => 5.0 + step * (x + 20) as f32,      // a stair whose steps single linkage must join
+        5 => on(x * x + y * y >= 4),            // no depth at the centre
+        6 => of(x < 1, 5.0, 9.0),               // a step next to the centre
+        7 => 5.0 + step * (x + 20) as f32,      // a stair that single linkage must join
         8 => of((x + y) % 2 == 0, 5.0, 8.0),    // two surfaces, pixel by pixel
-        9 => of((x, y) == (0, 0), 3.0, 5.0),    // the heaviest pixel alone before the rest
+        9 => of((x, y) == (0, 0), 3.0, 5.0),    // a single heaviest pixel in front of the rest
         10 => on(x % 4 == 0 && y % 4 == 0),     // a sparse grid
         _ => 5.0,                               // facing the camera: two equal eigenvalues
     };
     let mut case = fields(6.0, depth);
-    // A circle, so that the last field's are equal.
+    // A circle, so that the last field's eigenvalues are equal.
     (case.screen_planes[6 * 12 + 11], case.screen_planes[7 * 12 + 11]) = (1.0, 1.0);
     assert_no_breach(&context, |context| drop(lift_on_device(context, &case, LiftOptions::default())));
     let got = lift_on_device(&context, &case, LiftOptions::default());
@@ -355,25 +357,27 @@ fn degenerate_footprints_are_lifted_as_the_twin_lifts_them() {
     let sizes = &got.sizes;
     assert_eq!((sizes[0], sizes[1], sizes[2]), (0, 0, 3));
     assert!(got.made() == 10 && got.counts[0] == 1 && got.counts[1] == 2);
-    // Rows and diagonals have no width: their two lesser axes are at the floor.
+    // Rows and diagonals have no width: their two smaller axes are at the floor.
     for f in [2, 3, 4] {
         let [_, b, c] = got.lifts[f].log_scale;
         assert!((b - c).abs() < 1e-3, "{f}");
     }
     assert!(got.lifts[6].mean[2] < 0.0 && sizes[6] < got.counts[6], "the nearer side of the step");
     assert_eq!(sizes[7], got.counts[7], "the chain is one");
-    // The two surfaces are joined or not as a whole; the lone pixel in front has fewer than three.
+    // The two surfaces are joined or separate as a whole; the single pixel in front has fewer than three
+    // points.
     assert!(sizes[8] < got.counts[8] && sizes[9] == got.counts[9] - 1, "{sizes:?}");
 
-    // Q near zero: no length of its own, points in one place, so that all eigenvalues are the floor's 0.
+    // Q near zero: no length unit, points in one place, so that all eigenvalues are the floor's 0.
     let nothing = fields(0.0, |f, x, y| if f < 6 { on(y == 0 && x >= 0 && x < f as i32) } else { 5.0 });
     let got = lift_on_device(&context, &nothing, LiftOptions::default());
     got.made();
     assert!(got.flags[..3].iter().all(|&f| f == 0), "{:?}", got.flags);
 }
 
-/// Points into sets that are said to be smaller by one than they are.
-/// Counting and writing decide alike, but a pixel of difference must neither lie in a neighbour's place nor leave one empty.
+/// Writes points into sets declared smaller or larger than they are. Counting and writing make the same
+/// decisions, but a difference of a pixel must neither write into a neighbour's place nor leave one
+/// uninitialised.
 #[test]
 fn counts_of_points_that_differ_from_what_is_found_harm_no_neighbour() {
     let context = Gpu::new();
@@ -385,7 +389,7 @@ fn counts_of_points_that_differ_from_what_is_found_harm_no_neighbour() {
     recorder.submit().unwrap().wait().unwrap();
     let found = there.lift.point_counts.download().unwrap();
     assert!(found.iter().filter(|&&n| n > 1).count() > 20);
-    // With places between the sets that nobody may touch.
+    // Gaps between the sets must stay untouched.
     let room: Vec<u32> = found.iter().map(|&n| n + 20).collect();
     let firsts = exclusive_scan(&room);
     there.lift.point_firsts.upload(0, &firsts).unwrap();
@@ -412,7 +416,7 @@ fn counts_of_points_that_differ_from_what_is_found_harm_no_neighbour() {
     };
     let right = written(&found);
     let fewer = written(&found.iter().map(|&n| n.saturating_sub(1)).collect::<Vec<_>>());
-    // None where none is there: that one is lifted from nothing.
+    // Empty sets stay empty: those have nothing to lift.
     let more = written(&found.iter().map(|&n| if n > 0 { n + 9 } else { 0 }).collect::<Vec<_>>());
     for ((right, fewer), more) in right.iter().zip(&fewer).zip(&more) {
         let n = right.len();
@@ -423,7 +427,7 @@ fn counts_of_points_that_differ_from_what_is_found_harm_no_neighbour() {
     }
 }
 
-/// A supplement of several pages: each dispatch writes its own, and what is beyond the last is reported.
+/// A supplement of several pages: each dispatch writes its own, and an overflow of the last is reported.
 #[test]
 fn lifts_beyond_the_page_are_left_to_another_dispatch() {
     let context = Gpu::new();

@@ -1,6 +1,7 @@
-//! Changes of scene and camera whose effect on image and gradients is known without any twin.
+//! Changes of scene and camera with a known effect on image and gradients, tested without a twin.
 //!
-//! Subgroup sizes: run with LP_NATIVE_VECTOR_WIDTH=512 as well (llvmpipe: 16 lanes instead of 8); the tests ask nothing of it.
+//! For other subgroup sizes, also run with LP_NATIVE_VECTOR_WIDTH=512 (llvmpipe: 16 lanes instead of 8); the
+//! tests do not depend on it.
 
 mod common;
 #[path = "common/probe.rs"]
@@ -20,7 +21,7 @@ use probe::{Blob, Probe, Setup, Shot, base, ripple};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
-/// Of spherical harmonics. Rotating the world would turn their coefficients too; there it is 0.
+/// Degree of the harmonics. It is 0 in tests that rotate the world, which would rotate coefficients too.
 const DEGREE: u32 = 2;
 
 fn ripples(camera: &Camera) -> Vec<[f64; 3]> {
@@ -31,7 +32,7 @@ fn setup() -> Setup {
     Setup { degree: DEGREE, ..Default::default() }
 }
 
-/// Picks Gaussians: new i is old `from[i]`.
+/// Picks Gaussians: the new i is the old `from[i]`.
 fn pick(g: &Gaussians, from: &[usize]) -> Gaussians {
     let k = g.sh_coefficients();
     Gaussians {
@@ -71,7 +72,7 @@ fn gradients(p: &Params) -> Vec<f64> {
     [&p.geometry[..], &p.sh, &p.lobes].concat()
 }
 
-/// Relative L2 of the worst group of parameters.
+/// Relative L2 error of the worst group of parameters.
 fn apart(a: &Params, b: &Params) -> f64 {
     let mut worst = 0.0f64;
     for group in layout::groups(a.sh_degree) {
@@ -88,7 +89,7 @@ fn apart(a: &Params, b: &Params) -> f64 {
     worst
 }
 
-/// Share of pixels that differ by more than `tolerance`, and the largest difference of the others.
+/// Fraction of pixels that differ by more than `tolerance`, and the largest difference of the others.
 fn images_apart(a: &Shot, b: &Shot, tolerance: f64) -> (f64, f64) {
     let (mut beyond, mut worst) = (0, 0.0f64);
     for (x, y) in a.image.iter().zip(&b.image) {
@@ -98,7 +99,7 @@ fn images_apart(a: &Shot, b: &Shot, tolerance: f64) -> (f64, f64) {
     (f64::from(beyond) / a.image.len() as f64, worst)
 }
 
-/// Without ties in depth the order of blending is the same, so is every bit; only slots lie elsewhere.
+/// Without ties in depth the order of blending is the same, and so is every bit; only slots differ.
 #[test]
 fn the_order_in_which_gaussians_are_stored_changes_nothing() {
     let gpu = Gpu::new();
@@ -117,7 +118,8 @@ fn the_order_in_which_gaussians_are_stored_changes_nothing() {
     }
 }
 
-/// Behind the camera, beside the image, too thin to see, behind two walls of α = 0.99 each: all is the same to the last bit.
+/// Behind the camera, outside the image, too faint to see, behind two walls of α = 0.99 each: everything is
+/// equal to the last bit.
 #[test]
 fn hidden_and_unseen_gaussians_change_nothing() {
     let gpu = Gpu::new();
@@ -154,7 +156,7 @@ fn hidden_and_unseen_gaussians_change_nothing() {
     let mut probe = Probe::new(&gpu, 512, &camera, Setup::default());
     let bare = probe.shoot(&join(&[&scene.base, &walls]), &camera, &ripples(&camera));
     let full = probe.shoot(&join(&[&scene.base, &walls, &unseen]), &camera, &ripples(&camera));
-    // The walls do stop every pixel, and what is behind them is in its tiles.
+    // The walls do stop every pixel, and Gaussians behind them are in its tiles.
     assert!(bare.image.iter().all(|p| p[3] < 0.02) && full.tile_counts[407] > 0 && full.tile_counts[408] > 0);
     assert_eq!(bare.image, full.image);
     assert_eq!(bare.depth, full.depth);
@@ -166,7 +168,7 @@ fn hidden_and_unseen_gaussians_change_nothing() {
     }
 }
 
-/// Gaussians whose Jacobian is not clamped in the picture of `camera`: up to 0.15 of its sides beyond them.
+/// Gaussians with an unclamped Jacobian in the picture of `camera`: up to 0.15 of its sides beyond them.
 fn unclamped(g: &Gaussians, camera: &Camera) -> Vec<usize> {
     let (w, h) = (f64::from(camera.width), f64::from(camera.height));
     let within = |&i: &usize| {
@@ -176,8 +178,8 @@ fn unclamped(g: &Gaussians, camera: &Camera) -> Vec<usize> {
     (0..g.len()).filter(within).collect()
 }
 
-/// A crop is a camera of its own: its principal point lies beside its middle, or outside. What it shows of Gaussians that neither picture
-/// clamps is what the whole picture shows, and so are their gradients.
+/// A crop is a camera with a principal point off its middle, or outside. For Gaussians that neither picture
+/// clamps, it shows the same as the whole picture, with the same gradients.
 #[test]
 fn crops_are_the_image_and_have_its_gradients() {
     let gpu = Gpu::new();
@@ -205,12 +207,13 @@ fn crops_are_the_image_and_have_its_gradients() {
         for (r, c) in all_pixels().filter(|&(r, c)| inside(r, c)) {
             let (a, b) = (shot.image[((r - y) * w + c - x) as usize], whole.image[(r * WIDTH + c) as usize]);
             seen += 1;
-            // x − cx is rounded at another place: 1e-6 px of centre, 1e-5 of colour, or an α that meets its threshold.
+            // x − cx is rounded differently: 1e-6 px of centre, 1e-5 of colour, or an α at its threshold.
             beyond += u32::from((0..4).any(|k| (a[k] - b[k]).abs() > 2e-5));
         }
         let d = apart(&shot.gradients, &whole.gradients);
         println!("{w} × {h} at {x}, {y}: gradients differ by {d:.1e}");
-        // A pixel in a hundred may meet a threshold; α = 1/255 given or not is 4e-3 of a pixel's gradients, hence 1e-3 of all.
+        // One pixel in a hundred may be at a threshold; taking α = 1/255 or not is 4e-3 of a pixel's
+        // gradients, hence 1e-3 of all.
         assert!(d < 1e-3, "{w} × {h} at {x}, {y}: {d}");
     }
     println!(
@@ -219,7 +222,7 @@ fn crops_are_the_image_and_have_its_gradients() {
     assert!(seen == WIDTH * HEIGHT + 24 * 24 && beyond < seen / 100 && off_centre > 50);
 }
 
-/// The image to the last bit; gradients up to the order in which tiles are summed.
+/// The image is equal to the last bit, gradients up to the order of summing tiles.
 #[test]
 fn the_shape_of_tiles_changes_nothing() {
     let gpu = Gpu::new();
@@ -236,19 +239,20 @@ fn the_shape_of_tiles_changes_nothing() {
     let (first, want) = &shots[0];
     for (tile, shot) in &shots[1..] {
         assert!(shot.image == want.image && shot.depth == want.depth, "{tile:?} against {first:?}");
-        // Some hundred terms in another order: 1e-6 of their size, of which a tenth may be left in the sum.
+        // Some hundred terms in another order: 1e-6 of their size; a tenth of that size may remain in the
+        // sum.
         let d = apart(&shot.gradients, &want.gradients);
         println!("{tile:?}: gradients differ by {d:.1e}");
         assert!(d < 2e-5, "{tile:?}: {d}");
     }
-    // What a subgroup cannot cover is refused.
+    // Shapes that a subgroup cannot cover are refused.
     for (w, h) in [(0, 8), (8, 0), (3, 8), (5, 5), (128, 1), (8, 8 * lanes), (u32::MAX, u32::MAX)] {
         assert_eq!(TileShape::new(w, h, lanes), None, "{w} × {h}");
     }
 }
 
-/// Needles half a pixel wide that begin 3e5 px beside the image: their spans have 0.1 px of rounding, and must hold every pixel that
-/// the blend takes, whatever the tiles.
+/// Needles half a pixel wide that start 3e5 px outside the image: their spans have a rounding of 0.1 px, and
+/// must cover every pixel that the blend takes, for any tiles.
 #[test]
 fn needles_from_far_away_have_all_their_tiles() {
     let camera = random_camera(WIDTH, HEIGHT);
@@ -260,7 +264,7 @@ fn needles_from_far_away_have_all_their_tiles() {
             let mean = camera.unproject(x + reach * angle.cos(), y + reach * angle.sin(), 4.0);
             let along = camera.unproject(x, y, 4.0) - mean;
             let q = DQuat::from_rotation_arc(DVec3::X, along.normalize());
-            // Across the image where the ellipse is nearly as wide as at its middle.
+            // Across the image near the ellipse's middle, at nearly full width.
             let scale = [along.length(), 1e-4, 1e-4];
             Blob { mean, scale, quat: [q.w, q.x, q.y, q.z].map(|v| v as f32), logit: 1.0, ..Default::default() }
         })
@@ -268,7 +272,7 @@ fn needles_from_far_away_have_all_their_tiles() {
     assert_tiles_hold_every_pixel(&blobs);
 }
 
-/// Discs of 1e6 px whose edges run through the image, where α = 1/255 is known to a pixel at best.
+/// Discs of 1e6 px with edges through the image: α = 1/255 is located to within a pixel at best.
 #[test]
 fn discs_from_far_away_have_all_their_tiles() {
     let camera = random_camera(WIDTH, HEIGHT);
@@ -279,7 +283,7 @@ fn discs_from_far_away_have_all_their_tiles() {
             let angle =
                 if i < 120 { 0.05236 * f64::from(i) + 0.01 } else { (f64::from(i) + 0.5) * std::f64::consts::PI };
             let logit = 1.0 + 0.02 * i as f32;
-            // How many standard deviations from the middle α is 1/255.
+            // The distance in standard deviations at which α is 1/255.
             let reach = (2.0 * (255.0 / (1.0 + (-f64::from(logit)).exp())).ln()).sqrt();
             let (x, y) = (f64::from(i * 37 % 96), 0.1 * f64::from(i * 29 % 720));
             let mean = camera.unproject(x + 1e6 * reach * angle.cos(), y + 1e6 * reach * angle.sin(), 4.0);
@@ -290,7 +294,7 @@ fn discs_from_far_away_have_all_their_tiles() {
     assert_tiles_hold_every_pixel(&blobs);
 }
 
-/// A pixel that the blend takes and a tile does not list shows beside tiles of another shape.
+/// A pixel that the blend takes but a tile does not list differs for another tile shape.
 fn assert_tiles_hold_every_pixel(blobs: &[Blob]) {
     let gpu = Gpu::new();
     let lanes = gpu.info().subgroup_size;
@@ -311,7 +315,7 @@ fn assert_tiles_hold_every_pixel(blobs: &[Blob]) {
     }
 }
 
-/// World and camera moved, turned and scaled together: p ↦ s (Q p + t).
+/// World and camera moved, rotated and scaled together: p ↦ s (Q p + t).
 struct Similarity {
     turn: DQuat,
     shift: DVec3,
@@ -346,14 +350,14 @@ impl Similarity {
         out
     }
 
-    /// Gradients of the moved scene as those of the first: covectors turn with Q and shrink with s.
+    /// Converts gradients of the moved scene to the first: covectors rotate by Q and shrink by s.
     fn back(&self, p: &Params) -> Params {
         let mut out = p.clone();
         let back = self.turn.inverse();
         for i in 0..p.count {
             let m = self.scale * (back * p.mean(i));
             (0..3).for_each(|k| out.geometry[(layout::MEAN + k) * p.stride + i] = m[k]);
-            // Left multiplication by a unit quaternion is a rotation of the four components.
+            // Left multiplication by a unit quaternion rotates the four components.
             let [w, x, y, z] = p.quat(i);
             let q = back * DQuat::from_xyzw(x, y, z, w);
             [q.w, q.x, q.y, q.z]
@@ -374,7 +378,7 @@ fn moving_turning_and_scaling_the_world_with_its_camera_moves_the_gradients_alik
     let gpu = Gpu::new();
     let camera = random_camera(WIDTH, HEIGHT);
     let mut scene = random_scene(25, 500, 150, 0);
-    // The near plane is at 0.2 units whatever the scale: nothing may be near it.
+    // The near plane is at 0.2 units for any scale: nothing may be near it.
     let near = |g: &Gaussians| {
         (0..g.len())
             .filter(|&i| {
@@ -398,7 +402,8 @@ fn moving_turning_and_scaling_the_world_with_its_camera_moves_the_gradients_alik
     let want = probe.shoot(&scene, &camera, &ripples(&camera));
     for (what, similarity, _) in cases {
         let got = probe.shoot(&similarity.scene(&scene), &similarity.camera(&camera), &ripples(&camera));
-        // Means of size 50 are rounded to 4e-6, at depths from 1 and 83 px of focal length 2e-4 px: 1e-4 of colour.
+        // Means of size 50 are rounded to 4e-6; with depths from 1 and a focal length of 83 px that is 2e-4
+        // px, or 1e-4 of colour.
         let (share, worst) = images_apart(&got, &want, 5e-4);
         let d = apart(&similarity.back(&got.gradients), &want.gradients);
         println!("{what}: {share:.4} of the pixels meet a threshold, others by {worst:.1e}, gradients by {d:.1e}");
@@ -406,8 +411,9 @@ fn moving_turning_and_scaling_the_world_with_its_camera_moves_the_gradients_alik
     }
 }
 
-/// Twice the pixels in each direction, twice the focal length: a pixel of the small image lies among four of the large one. The
-/// dilation of 0.3 px² is in pixels, so Gaussians must be wide: then their mean is the pixel, to second order.
+/// Twice the pixels in each direction, twice the focal length: a pixel of the small image lies among four of
+/// the large one. The dilation of 0.3 px² is in pixels, so Gaussians must be wide: then the mean of the four
+/// equals the pixel, to second order.
 #[test]
 fn doubling_the_resolution_shows_the_same_picture() {
     let gpu = Gpu::new();
@@ -453,10 +459,10 @@ fn doubling_the_resolution_shows_the_same_picture() {
     assert!(worst < 5e-3 && d < 1e-2);
 }
 
-/// Where a child process puts what it found.
+/// File that receives a child process's results.
 const CHILD: &str = "GLINT_METAMORPHIC_CHILD";
 
-/// Run by `the_size_of_subgroups_changes_nothing` in processes of their own.
+/// Run by `the_size_of_subgroups_changes_nothing` in separate processes.
 #[test]
 fn child() {
     let Some(path) = std::env::var_os(CHILD) else { return };
@@ -470,7 +476,7 @@ fn child() {
     std::fs::write(path, bytemuck::cast_slice(&all)).unwrap();
 }
 
-/// llvmpipe's subgroups are as wide as its vectors, which the environment sets; other drivers do twice the same.
+/// llvmpipe's subgroups follow its vector width, set by the environment; other drivers run the same twice.
 #[test]
 fn the_size_of_subgroups_changes_nothing() {
     let folder = std::env::temp_dir().join(format!("glint-metamorphic-{}", std::process::id()));
@@ -486,7 +492,7 @@ fn the_size_of_subgroups_changes_nothing() {
     let pixels = 1 + 5 * (WIDTH * HEIGHT) as usize;
     println!("{} and {} lanes", a[0], b[0]);
     assert_eq!(a.len(), b.len());
-    // A pixel is one lane's own work whatever the subgroup.
+    // A pixel is computed by one lane, whatever the subgroup.
     assert!(a[1..pixels] == b[1..pixels]);
     let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
     let size = norm(&mut a[pixels..].iter().copied());

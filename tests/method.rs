@@ -1,4 +1,5 @@
-//! The numbers of docs/method.md are those of the code, and joining moves what the method says and nothing else.
+//! The numbers in docs/method.md equal those in the code, and the joint phase moves exactly the parameters
+//! that the method lists.
 
 mod common;
 
@@ -42,7 +43,7 @@ use glint::{
     },
 };
 
-/// What the code has, by the table's names.
+/// Values in the code, by the table's names.
 fn numbers() -> BTreeMap<&'static str, f64> {
     let (paper, ours) = (EnhanceOptions::paper(), EnhanceOptions::pursuit());
     let pursuit = ours.pursuit;
@@ -156,7 +157,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
     ])
 }
 
-/// That the kernels have what their twins have is `glint verify`'s to hold.
+/// `glint verify` checks that kernels and twins use the same numbers.
 #[test]
 fn the_numbers_are_those_of_the_page() {
     let page = include_str!("../docs/method.md");
@@ -181,9 +182,9 @@ fn rates_of_positions_follow_the_extent_and_bands_the_run() {
     assert_eq!((three.mean, three.opacity), (3.0 * one.mean, one.opacity));
     let plan =
         |iterations: u32, step: u32| BaseOptions { iterations, sh_degree: 3, ..Default::default() }.plan(2.0, step);
-    // Half way the rate is the geometric mean.
+    // In the middle the rate is the geometric mean.
     assert!((f64::from(plan(600, 300).rates.mean) / (2.0 * 1.6e-5) - 1.0).abs() < 1e-6);
-    // Betas are no bands.
+    // Betas have no bands.
     assert_eq!(BaseOptions { sh_degree: BETAS, ..Default::default() }.plan(2.0, 0).active_degree, BETAS);
     let degrees = |iterations: u32, steps: [u32; 5]| steps.map(|step| plan(iterations, step).active_degree);
     assert_eq!(degrees(30_000, [999, 1000, 2000, 3000, 29_999]), [0, 1, 2, 3, 3]);
@@ -191,7 +192,8 @@ fn rates_of_positions_follow_the_extent_and_bands_the_run() {
     assert_eq!(degrees(300_000, [999, 1000, 2000, 3000, 299_999]), [0, 1, 2, 3, 3]);
 }
 
-/// Of so many Gaussians the curvature of some is next to nothing after one probe: their step is as long as the bound lets it be.
+/// With few Gaussians, the curvature of some is nearly 0 after one probe: their step has the length of the
+/// bound.
 #[test]
 fn the_first_step_of_a_base_is_three_rates_at_most() {
     let gpu = Gpu::new();
@@ -220,7 +222,7 @@ fn the_first_step_of_a_base_is_three_rates_at_most() {
     }
 }
 
-/// Lobes have Adam's bias correction always, so their first step is as long as their rates.
+/// Lobes always have Adam's bias correction, so their first step is as long as their rates.
 #[test]
 fn the_first_joint_step_of_lobes_is_as_long_as_their_rates() {
     let gpu = Gpu::new();
@@ -233,7 +235,7 @@ fn the_first_joint_step_of_lobes_is_as_long_as_their_rates() {
         let (x, y) = ((k * 37 % 128) as f64, (k * 59 % 128) as f64);
         *mean = photo.camera.unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
     }
-    // Within their ranges, turned a little away from the view.
+    // Within their ranges, rotated slightly away from the view.
     let eye = photo.camera.eye();
     let (lobes, means) = (&mut supplement.lobes, &supplement.gaussians.means);
     lobes.widths.fill(0.5);
@@ -257,7 +259,7 @@ fn the_first_joint_step_of_lobes_is_as_long_as_their_rates() {
     }
 }
 
-/// Of bands that are not there a first step is as if they were 0, to the bit: what they add to colours and gradients is 0.
+/// In a first step missing bands act as 0, to the bit: they add 0 to colours and gradients.
 #[test]
 fn a_supplement_without_bands_learns_as_one_whose_bands_are_0() {
     let gpu = Gpu::new();
@@ -293,7 +295,8 @@ fn a_supplement_without_bands_learns_as_one_whose_bands_are_0() {
     }
 }
 
-/// The base's opacities move, where they are seen; its geometry and colours stay bit for bit; all of the supplement moves.
+/// Visible opacities of the base move; its geometry and colours stay bit for bit; all of the supplement
+/// moves.
 #[test]
 fn joining_leaves_the_bases_geometry_and_colours_bit_for_bit() {
     let gpu = Gpu::new();
@@ -303,7 +306,7 @@ fn joining_leaves_the_bases_geometry_and_colours_bit_for_bit() {
     let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
     let views = Views::upload(&gpu, &cameras, &images).unwrap();
     let mut before = random_scene(3, 500, 300, 2);
-    // Before the first camera, whatever the random scene was made for.
+    // In front of the first camera, wherever the random scene was.
     for part in [&mut before.base, &mut before.supplement.as_mut().unwrap().gaussians] {
         for (k, mean) in part.means.iter_mut().enumerate() {
             let (x, y) = ((k * 37 % 128) as f64, (k * 59 % 128) as f64);

@@ -1,5 +1,5 @@
-//! The model's pages and counts: nothing that is rendered or learned depends on how Gaussians lie in memory, and a segment can
-//! grow, shrink and be reordered on the device.
+//! Tests the model's pages and counts: results do not depend on the layout in memory, and a segment can grow,
+//! shrink and be reordered on the device.
 
 mod common;
 #[path = "common/probe.rs"]
@@ -46,7 +46,7 @@ fn pages_change_nothing() {
     }
 }
 
-/// New numbers of the base: some twice, some not at all, some of the last that come first.
+/// The base rearranged: some Gaussians twice, some dropped, some moved to the front.
 fn reordered(scene: &Scene, sources: &[u32]) -> Scene {
     let mut out = Scene { supplement: scene.supplement.clone(), ..Default::default() };
     out.base.sh_degree = scene.base.sh_degree;
@@ -85,11 +85,11 @@ fn a_segment_grows_shrinks_and_is_reordered_on_the_device() {
         now = reordered(&now, &sources);
         assert_eq!(model.learn_counts().unwrap(), [new, 120]);
         assert!(model.download().unwrap() == now, "{old} to {new}");
-        // As if it had been uploaded so.
+        // As if uploaded in this order.
         assert!(image(&model) == image(&Model::upload(&gpu, &now, 0).unwrap()), "{old} to {new}");
     }
 
-    // More than there is room for: told by resource, and what fits is there.
+    // More than fit: reported for this resource, and the rest is in place.
     let room = model.part(Segment::Base).capacity();
     let sources: Vec<u32> = (0..room + 50).map(|t| if t < room { t % 800 } else { NONE }).collect();
     let (from, count) =
@@ -106,7 +106,7 @@ fn a_segment_grows_shrinks_and_is_reordered_on_the_device() {
     assert_eq!(model.learn_counts().unwrap(), [room, 120]);
 }
 
-/// Gradients of two views added up are the sum of each, to the last bit but one rounding; a step on them is that of Adam.
+/// The accumulated gradients of two views equal the sum, up to one rounding; the step on them is Adam's.
 #[test]
 fn gradients_of_several_views_add_up() {
     let gpu = Gpu::new();
@@ -149,7 +149,7 @@ fn gradients_of_several_views_add_up() {
     }
 }
 
-/// Four steps of two views each, and one of all eight that is as long as the sum of gradients makes it: both learn.
+/// Four steps of two views each, and one of all eight with a step length to match: both learn.
 #[test]
 fn steps_of_several_views_learn() {
     let gpu = Gpu::new();
@@ -198,7 +198,7 @@ fn a_segment_has_no_more_gaussians_than_there_is_room_for() {
     assert_eq!(model.learn_counts().unwrap(), [capacity, 0]);
 }
 
-/// More than the 128 MiB that a device binds at least: in pages, of which each photograph is in one.
+/// More than the guaranteed buffer size of 128 MiB: in pages; no photograph spans two.
 #[test]
 fn photographs_of_640_megabytes_are_held_and_read_back() {
     let gpu = Gpu::new();
@@ -216,7 +216,7 @@ fn photographs_of_640_megabytes_are_held_and_read_back() {
     assert!(page as u64 * 4_000_000 <= gpu.info().max_storage_bytes && (page == 160 || views.same_page(page) > 0));
 }
 
-/// All that a run holds for a Gaussian more, density control and four intersections included.
+/// Bytes of a run per additional Gaussian, including density control and four intersections.
 #[test]
 fn a_run_takes_612_bytes_and_436_with_packed_moments_beside_its_intersections() {
     let gpu = Gpu::new();
@@ -234,18 +234,19 @@ fn a_run_takes_612_bytes_and_436_with_packed_moments_beside_its_intersections() 
             used
         };
         let [few, more] = [20_000, 60_000].map(held);
-        // Counts of blocks are some bits of a word for each.
+        // Counts of blocks add a few bits per word.
         let each = (more - few) as f64 / 40_000.0 - 4.0 * f64::from(isect);
         assert!((f64::from(gaussian)..f64::from(gaussian) + 4.0).contains(&each), "{each} bytes, packed: {packed}");
     }
 }
 
-/// Figures of docs/embedding.md: the model of a Gaussian of degree 3 and what lies beside it, and an intersection.
+/// README's figures for a renderer: bytes per Gaussian of degree 3 in the model and in other buffers, and per
+/// intersection.
 #[test]
 fn a_gaussian_that_is_drawn_takes_280_bytes_and_160_at_half_width_beside_its_intersections() {
     let gpu = Gpu::new();
     let camera = random_camera(32, 32);
-    // Memory is counted in blocks of 4 MiB, so that numbers are large.
+    // Memory is counted in blocks of 4 MiB, so the numbers must be large.
     let scenes = [40_000, 160_000].map(|count| random_scene(1, count, 0, 3));
     for (half, depth_in, gaussian) in [(false, false, 280), (true, false, 160), (false, true, 284), (true, true, 164)] {
         let held = |scene: &Scene, isects: u32| {
@@ -261,7 +262,7 @@ fn a_gaussian_that_is_drawn_takes_280_bytes_and_160_at_half_width_beside_its_int
         let lists = held(&scenes[1], 8 * 160_000) - more;
         let isect = lists as f64 / 640_000.0;
         let each = (more - few) as f64 / 120_000.0 - 4.0 * isect;
-        // Counts of blocks are some bits of a word for each.
+        // Counts of blocks add a few bits per word.
         assert!((16.0..16.5).contains(&isect), "{isect} bytes for an intersection");
         let gaussian = f64::from(gaussian);
         assert!((gaussian..gaussian + 2.0).contains(&each), "{each} bytes of {gaussian}");
@@ -278,7 +279,8 @@ fn a_gaussian_that_is_drawn_takes_280_bytes_and_160_at_half_width_beside_its_int
     assert!((160.0..162.0).contains(&each), "{each} bytes in a renderer with room for 4 intersections each");
 }
 
-/// Figures of docs/training.md: what training holds for each Gaussian of degree 3 and for each intersection, by Newton's steps and by Adam's.
+/// README's figures for training: bytes per Gaussian of degree 3 and per intersection, with Newton's steps
+/// and with Adam's.
 #[test]
 fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
     let gpu = Gpu::new();
@@ -300,12 +302,12 @@ fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
         };
         Raster::plan(&options).bytes()
     };
-    // Beside the words of each there are counts of blocks, some bits of a word.
+    // Counts of blocks add a few bits per word.
     let many = 1u32 << 20;
-    // Float atomics keep a gradient record for each Gaussian, not for each intersection; a renderer keeps none, and sorts Gaussians
-    // instead of slots.
+    // With float atomics there is a gradient record per Gaussian, not per intersection. A renderer has no
+    // records, and sorts Gaussians instead of slots.
     let (fixed, atomic) = (Reduction::Deterministic, Reduction::Atomic);
-    // Packed, a record takes 16 bytes in place of 36.
+    // A packed record takes 16 bytes instead of 36.
     for (what, reduction, splat, isect) in [
         ([true, false, false], fixed, 52, 40),
         ([true, true, false], fixed, 52, 20),
@@ -315,7 +317,7 @@ fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
         ([false, false, true], fixed, 32, 16),
     ] {
         let held = |splats, isects| held(splats, isects, what, reduction) as usize;
-        // Splats are sorted in the memory of intersections, of which there are at least as many.
+        // Splats are sorted in the memory of intersections, so there are at least as many of these.
         let of_splat = (held(many, 4 * many) - held(1, 4 * many)) / many as usize;
         let of_isect = (held(1, many) - held(1, 1)) / many as usize;
         assert!((splat..splat + 2).contains(&of_splat), "{of_splat} bytes of the raster for a Gaussian");

@@ -1,4 +1,5 @@
-//! glint from outside: a crate and a C program that depend on it as anybody's would, built with Rust and a C compiler alone.
+//! Uses glint from outside: a crate and a C program that depend on it like any other, built with Rust and a C
+//! compiler alone.
 
 mod common;
 #[path = "common/run.rs"]
@@ -36,15 +37,16 @@ use glint::{
 const SIZE: [u32; 2] = [96, 72];
 const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;
 
-/// The longest is a first build of glint and all below it, optimised nowhere, on two cores that others use too: no measure, but an end to
-/// what hangs.
+/// Time limit of the longest command, a first unoptimised build of glint and its dependencies on two busy
+/// cores; it only ends hangs.
 const LIMIT: Duration = Duration::from_secs(1800);
 
-/// What is promised of the first build of a crate outside is three minutes on two cores. Others use the cores of a test, so what can be
-/// held is that it takes no more of them than they have in that time, seconds; docs/embedding.md has what it took on the wall.
+/// The first build of an external crate is promised to take three minutes on two cores. Tests share the cores
+/// with others, so the limit is the CPU time of two cores in that time, seconds; the README has the
+/// wall-clock time.
 const BUILD: f64 = 2.0 * 180.0;
 
-/// What is built here stays for the next run, and is nobody else's.
+/// Builds are kept for the next run, in a private folder.
 fn target() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("target/outside")
 }
@@ -53,7 +55,8 @@ fn within(folder: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)
 }
 
-/// Runs a command that must succeed, without what cargo set for this test: a dependent crate has none of it.
+/// Runs a command that must succeed, without cargo's variables of this test: a dependent crate has none of
+/// these.
 fn done(command: &mut Command) -> String {
     for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("CARGO") && name != "CARGO_HOME") {
         command.env_remove(name);
@@ -94,7 +97,7 @@ impl Case {
         self.folder.path().join(name)
     }
 
-    /// Runs a program on the case, and gives what it wrote: words, of a frame's pixels first.
+    /// Runs a program on the case; returns its output as words, the frame's pixels first.
     fn words(&self, program: &Path, more: &[f64]) -> Vec<u32> {
         let matrices = [self.view, self.projection].map(|m| m.to_cols_array());
         let numbers: Vec<String> =
@@ -110,21 +113,21 @@ impl Case {
 #[test]
 fn a_crate_outside_draws_a_mesh_and_a_scene_that_hide_each_other() {
     let case = Case::new();
-    // Where none of the folders above is glint's, whose settings of cargo would be found there.
+    // In a folder outside of glint's, whose cargo settings would otherwise apply.
     let outside = case.path("mesh");
     let manifest = copy_crate(&within("tests/outside/mesh"), &outside);
-    // Of the copies of earlier runs nothing stays.
+    // Removes copies of earlier runs.
     done(Command::new("cargo").args(["clean", "--quiet", "--package", "mesh"]).current_dir(&outside));
     let times = done(Command::new("bash").args(["-c", "cargo build --quiet --locked && times"]).current_dir(&outside));
     let seconds = cpu_seconds(&times);
     println!("a build takes {seconds:.1} s of CPU time, of what was not built yet");
     assert!(seconds > 0.0 && seconds < BUILD, "{seconds} s of CPU time");
     assert!(manifest.contains("default-features = false"));
-    // All that is built for it, on whatever system.
+    // All packages built for it, on any system.
     let lock = fs::read_to_string(outside.join("Cargo.lock")).unwrap();
     let packages: Vec<&str> = lock.lines().filter_map(|line| line.strip_prefix("name = ")).collect();
     assert!(packages.contains(&"\"ash\"") && packages.len() <= 30 + 2, "{} beside mesh and glint", packages.len() - 2);
-    // A quad that leans: its left edge is 1 unit from the camera, its right one 6.
+    // A tilted quad: its left edge is 1 unit from the camera, its right one 6.
     let corner = |x: f64, y: f64, z: f64| case.camera.unproject(x, y, z);
     let corners = [corner(10.3, 8.4, 1.0), corner(80.2, 5.1, 6.0), corner(10.3, 66.7, 1.0), corner(80.2, 69.9, 6.0)];
     let numbers: Vec<f64> = corners.iter().flat_map(|c| c.to_array()).collect();
@@ -132,7 +135,8 @@ fn a_crate_outside_draws_a_mesh_and_a_scene_that_hide_each_other() {
     assert_eq!(got.len(), 4 * PIXELS);
     let got: Vec<_> = got.chunks_exact(4).map(|p| [0, 1, 2, 3].map(|c| f32::from_bits(p[c]))).collect();
 
-    // The quad in float64: camera z where a pixel's ray meets one of its triangles, and how far inside of it that is.
+    // The quad in float64: camera z of the intersection of a pixel's ray with one of its triangles, and the
+    // distance from the edge.
     let eye = case.camera.eye();
     let hit = |pixel: usize| {
         let (x, y) = ((pixel as u32 % SIZE[0]) as f64 + 0.5, (pixel as u32 / SIZE[0]) as f64 + 0.5);
@@ -160,7 +164,7 @@ fn a_crate_outside_draws_a_mesh_and_a_scene_that_hide_each_other() {
     let (quad, sky) = ([0.8, 0.3, 0.1], [0.2, 0.4, 0.6]);
     let (mut seen, mut before, mut behind) = (0, 0, 0);
     for (pixel, got) in got.iter().enumerate() {
-        // What a pixel has of an edge is the rasteriser's affair; depths that it interpolates have five digits.
+        // The rasteriser decides pixels at edges; its interpolated depths have five digits.
         if edge(pixel) || want.margins[pixel].image() < 1e-3 {
             continue;
         }
@@ -176,11 +180,12 @@ fn a_crate_outside_draws_a_mesh_and_a_scene_that_hide_each_other() {
             behind += usize::from(t > 0.95);
         }
     }
-    // Gaussians before the quad, and places where it hides all of them.
+    // Gaussians in front of the quad, and pixels in which it hides all of them.
     assert!(seen > 4000 && before > 300 && behind > 100, "{seen} {before} {behind}");
 }
 
-/// What bash's `times` says of the commands that it ran: of its second line the minutes and seconds in user and in system mode.
+/// Parses the output of bash's `times`: minutes and seconds of its commands in user and system mode, from the
+/// second line.
 fn cpu_seconds(times: &str) -> f64 {
     let of = |time: &str| {
         let (minutes, seconds) = time.strip_suffix('s')?.split_once('m')?;
@@ -189,7 +194,7 @@ fn cpu_seconds(times: &str) -> f64 {
     times.lines().nth(1).unwrap_or_default().split_whitespace().filter_map(of).sum()
 }
 
-/// Copies the crate `from`, and lets it find glint from where it is then. Gives its manifest.
+/// Copies the crate `from`, and adapts its path to glint. Returns its manifest.
 fn copy_crate(from: &Path, to: &Path) -> String {
     fs::create_dir_all(to.join("src")).unwrap();
     let files =
@@ -205,7 +210,8 @@ fn copy_crate(from: &Path, to: &Path) -> String {
     manifest
 }
 
-/// Camera z (the ray's parameter, as its z is 1) where a ray meets a triangle (Möller and Trumbore 1997).
+/// Camera z (the ray's parameter, as its z is 1) of a ray's intersection with a triangle (Möller and Trumbore
+/// 1997).
 fn triangle(eye: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (ab, ac) = (b - a, c - a);
     let p = ray.cross(ac);
@@ -221,10 +227,10 @@ fn triangle(eye: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
 fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     let case = Case::new();
     let installed = case.path("installed");
-    // As a distributor would: a folder with header, libraries and pkg-config file.
+    // Packaged for distribution: a folder with header, libraries and a pkg-config file.
     let mut library = Command::new(within("tools/c-library"));
     library.arg(&installed).arg("--quiet");
-    // What takes time here is the compiler.
+    // Compiling takes most of the time here.
     for setting in ["debug=0", "opt-level=0", "package.\"*\".opt-level=0"] {
         library.args(["--config", &format!("profile.dev.{setting}")]);
     }
@@ -240,7 +246,7 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     done(&mut compile);
     let got = case.words(&program, &[]);
     assert_eq!(got.len(), (4 + 4 + 1 + 1) * PIXELS);
-    // With the shared library, by what pkg-config makes of its file.
+    // With the shared library and the flags from pkg-config.
     let mut ask = Command::new("pkg-config");
     ask.args(["--cflags", "--libs", "glint"]).env("PKG_CONFIG_PATH", installed.join("lib/pkgconfig"));
     let flags = done(&mut ask);
@@ -250,7 +256,7 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     done(compile.arg(format!("-Wl,-rpath,{}", installed.join("lib").display())).arg("-o").arg(&program));
     assert!(done(Command::new("ldd").arg(&program)).contains("libglint.so => "));
     assert!(case.words(&program, &[]) == got, "the shared library draws another frame");
-    // The shared library has the same functions, every one of the header and none more.
+    // The shared library exports exactly the functions of the header.
     let header = fs::read_to_string(within("src/c/glint.h")).unwrap();
     let listed = done(Command::new("nm").args(["-D", "--defined-only"]).arg(installed.join("lib/libglint.so")));
     let exported: BTreeSet<&str> = listed
@@ -267,7 +273,7 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
         .filter(|name| name.starts_with("glint_"))
         .collect();
     assert_eq!(exported, declared);
-    // Barriers are those of the Rust side.
+    // The header's barriers equal the Rust side's.
     for (name, (stage, access)) in [("READ", SYNC_READ), ("WRITTEN", SYNC_WRITTEN)] {
         for line in [
             format!("#define GLINT_SYNC_{name}_STAGE VK_PIPELINE_STAGE_{stage:?}_BIT"),
@@ -284,11 +290,11 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     let want = renderer.render(&model, &views, 0, [0.5, 0.25, 0.75]).unwrap().color;
     let (plain, both) = got.split_at(4 * PIXELS);
     let got: Vec<f32> = plain.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]].map(f32::from_bits)).collect();
-    // The camera comes back from matrices in float64, and is rounded to the float32 that it was.
+    // The camera is recovered from matrices in float64, and rounded to its original float32.
     let off = got.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(off == 0.0, "{off:e}");
 
-    // Two instances behind a wall, as C has them in images; here in buffers.
+    // Two instances behind a wall; C draws these into images, this into buffers.
     let buffer = |words: usize| Buffer::<u32>::zeroed(&gpu, "target", words * PIXELS).unwrap();
     let [color, depths, ids] = [4, 1, 1].map(buffer);
     let wall = Buffer::from_slice(&gpu, "wall", &[(0.2f32 / 3.0).to_bits(); PIXELS]).unwrap();
@@ -320,7 +326,7 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     recorder.submit().unwrap().wait().unwrap();
     let want: Vec<u32> = [color, depths, ids].iter().flat_map(|buffer| buffer.download().unwrap()).collect();
     assert!(both == want, "{} words differ", both.iter().zip(&want).filter(|(a, b)| a != b).count());
-    // Both are seen.
+    // Both are visible.
     let ids = &want[5 * PIXELS..];
     let of = |k: u32| ids.iter().filter(|&&id| id != u32::MAX && id / model.capacity() == k).count();
     assert!(of(0) > 50 && of(1) > 50, "{} {}", of(0), of(1));

@@ -1,5 +1,5 @@
-//! The pages of `glint export` and `glint report` in a browser without a window, the pixels of the first beside the float64 twin's. Skips
-//! where there is no Chromium, unless `GLINT_REQUIRE_CHROMIUM` is set.
+//! Opens the pages of `glint export` and `glint report` in a headless browser, and compares the export's
+//! pixels with the float64 twin's. Skips if there is no Chromium, unless `GLINT_REQUIRE_CHROMIUM` is set.
 
 #[path = "common/run.rs"]
 mod run;
@@ -21,7 +21,8 @@ use tempfile::TempDir;
 
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 
-/// With these Chromium has WebGPU where there is no graphics device. Without Vulkan it would have no canvas for it.
+/// With these flags Chromium has WebGPU without a graphics device. Without Vulkan it would have no canvas for
+/// it.
 const WEBGPU: &[&str] = &[
     "--enable-unsafe-webgpu",
     "--use-webgpu-adapter=swiftshader",
@@ -29,7 +30,7 @@ const WEBGPU: &[&str] = &[
     "--use-vulkan=swiftshader",
 ];
 
-/// Its name is other on other systems.
+/// Its name differs between systems.
 fn chromium() -> Option<PathBuf> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
     let folders = std::env::var_os("PATH").unwrap_or_default();
@@ -42,7 +43,7 @@ fn chromium() -> Option<PathBuf> {
     path
 }
 
-/// The page at `path` as it is when it has loaded.
+/// The DOM of the page at `path` after loading.
 fn loaded(browser: &Path, path: &Path, hash: &str, more: &[&str]) -> String {
     let profile = tempfile::tempdir().unwrap();
     let mut command = Command::new(browser);
@@ -54,7 +55,7 @@ fn loaded(browser: &Path, path: &Path, hash: &str, more: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The text of the element of that id.
+/// The text of the element with this id.
 fn text_of<'a>(page: &'a str, id: &str) -> Option<&'a str> {
     let (_, behind) = page.split_once(&format!("id=\"{id}\""))?;
     Some(behind.split_once('>')?.1.split_once('<')?.0)
@@ -65,7 +66,7 @@ fn pixels(page: &str) -> Vec<u8> {
     STANDARD.decode(text).unwrap()
 }
 
-/// Skips, unless `GLINT_REQUIRE_CHROMIUM` is set, where this Chromium has no WebGPU.
+/// Chromium with WebGPU; skips if it has none, unless `GLINT_REQUIRE_CHROMIUM` is set.
 fn with_webgpu() -> Option<PathBuf> {
     let browser = chromium()?;
     let folder = TempDir::new().unwrap();
@@ -81,7 +82,7 @@ fn with_webgpu() -> Option<PathBuf> {
     there.then_some(browser)
 }
 
-/// Its one camera is "a & b.png".
+/// Writes a page with one camera, "a & b.png".
 fn write_page(path: &Path, scene: &Scene, camera: &Camera, compensate: bool) {
     let cameras = vec![("a & b.png", *camera)];
     let viewer = Viewer { title: "random", scene, cameras, focus: None, background: BACKGROUND, compensate };
@@ -120,14 +121,14 @@ fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
             format!("camera=a%20%26%20b.png&size=160x120&show={show}&precision={precision}&renderer={renderer}&pixels");
         compare(&pixels(&loaded(browser, &path, &hash, more)), &scene, show, &camera, compensate);
     }
-    // Many of the same depth, which are drawn in the order of their indices.
+    // Many equal depths, drawn in the order of their indices.
     for (i, mean) in (0..).zip(&mut whole.base.means) {
         *mean = [i % 7, i % 5, i % 3].map(|k| 0.3 * (k as f32 - 2.0));
     }
     write_page(&path, &whole, &camera, false);
     let hash = format!("size=160x120&renderer={renderer}&pixels");
     compare(&pixels(&loaded(browser, &path, &hash, more)), &whole, "both", &camera, false);
-    // A camera whose principal point is at the picture's left side.
+    // A camera with its principal point at the picture's left side.
     let half = Camera { width: 80, cx: camera.cx - 80.0, ..camera };
     let scene = random_scene(42, 1500, 0, 0);
     write_page(&path, &scene, &half, false);
@@ -135,18 +136,19 @@ fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
     compare(&pixels(&loaded(browser, &path, &hash, more)), &scene, "both", &half, false);
 }
 
-/// 8-bit values against the twin's, not rounded.
+/// Compares 8-bit values with the twin's unrounded ones.
 ///
-/// Rounding to 8 bits alone is 0.25 in the mean and 0.5 at most. Bytes of the harmonics are half of 0.2/127 off (`random_scene`'s are at
-/// most 0.2), that is 45 such errors of 0.2/127/√12, times basis functions whose squares sum up to 15/4π: 0.1 levels. Halves of light are
-/// 2^-12 off at each of the Gaussians that matter, the last ten or so: 0.2 levels at white. A value that is right at α = 1/255 or not
-/// is worth its colour, a level and a half. Where the twin stopped it left a transmittance t of 1e-4 to 0.01; the page goes on,
-/// and what it finds there is worth t times a colour. Colours of this scene are less than 3.
+/// Rounding to 8 bits alone gives 0.25 on average and at most 0.5. Bytes of the harmonics are off by half of
+/// 0.2/127 (`random_scene`'s are at most 0.2): 45 such errors of 0.2/127/√12, times basis functions whose
+/// squares sum up to 15/4π, give 0.1 levels. Halves of light are off by 2^-12 at each of the Gaussians that
+/// matter, the last ten or so: 0.2 levels at white. Taking α = 1/255 or not is worth its colour, a level and
+/// a half. The twin stops with a transmittance t of 1e-4 to 0.01 left; the page continues, and the rest is
+/// worth t times a colour. Colours of this scene are less than 3.
 fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: bool) {
     let mut scene = scene.clone();
     match show {
         "base" => scene.supplement = None,
-        // An opacity of 2e-9 is none.
+        // An opacity of 2e-9 is invisible.
         "supplement" => scene.base.opacities.fill(-20.0),
         _ => {}
     }
@@ -170,7 +172,7 @@ fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: b
     assert!(mean < 0.3 && most < 1.0 && beyond < 2.5, "mean {mean:.3}, 99 % within {most:.3}, all within {beyond:.3}");
 }
 
-/// Blocks of the sort by the hundred, which is more than one workgroup scans at once.
+/// The sort has hundreds of blocks, more than one workgroup scans at once.
 #[test]
 fn webgpu_sorts_what_is_large_as_webgl_does() {
     let Some(browser) = with_webgpu() else { return };
@@ -186,7 +188,8 @@ fn webgpu_sorts_what_is_large_as_webgl_does() {
     assert!(webgl.len() == webgpu.len() && most <= Some(&2) && differ < offs.len() / 100, "{most:?}, {differ}");
 }
 
-/// The status of a page to look around in, of 200 Gaussians, where `script` runs before the page's own. No message is shown.
+/// The status of an interactive page with 200 Gaussians; `script` runs before the page's own. Fails if a
+/// message is shown.
 fn status_after(browser: &Path, script: &str, hash: &str, more: &[&str]) -> String {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("page.html");
@@ -221,7 +224,7 @@ fn webgpu_is_taken_where_it_is_good_and_webgl_elsewhere() {
         (device, "", "WebGPU"),
         (device, "renderer=webgl2", "WebGL2"),
         ("", "renderer=webgpu&show=supplement&precision=float", "WebGPU"),
-        // A device that is a program, none, no room for 200 splats of 48 bytes, a shader that does not compile.
+        // A software device, no device, no room for 200 splats of 48 bytes, a shader that does not compile.
         ("", "", "WebGL2"),
         ("Object.defineProperty(navigator, 'gpu', { value: undefined });", "", "WebGL2"),
         (&narrow, "", "WebGL2"),
@@ -232,12 +235,12 @@ fn webgpu_is_taken_where_it_is_good_and_webgl_elsewhere() {
     }
 }
 
-/// The device is lost after the first frame, and the next one too.
+/// The device is lost after the first frame, and so is the next one.
 #[test]
 fn a_lost_device_is_asked_for_once_more() {
     let Some(browser) = with_webgpu() else { return };
     for (losses, name) in [(1, "WebGPU"), (2, "WebGL2")] {
-        // The page has loaded, for Chromium, when what comes after has drawn.
+        // For Chromium, the page has only loaded after the next frames are drawn.
         let script = format!(
             "{{
                 const made = [], ask = GPUAdapter.prototype.requestDevice;
@@ -279,15 +282,15 @@ fn what_cannot_be_shown_is_said() {
     }
 }
 
-/// Before all that the page has, so that its own errors are seen.
+/// Runs before all scripts of the page, so that it sees their errors.
 const COUNT_FAULTS: &str = "<script>window.faults = [];
     addEventListener('error', fault => faults.push(fault.message ?? fault.target.outerHTML.slice(0, 99)), true);
     addEventListener('unhandledrejection', fault => faults.push(String(fault.reason)));
     for (const kind of ['error', 'warn']) console[kind] = (...words) => faults.push(words.join(' '));
 </script>";
 
-/// What a reader of the page does and sees: all pictures are there, a border is moved, another scene is chosen; and the page once more in
-/// a window of 400 pixels, which is a frame, for Chromium's own is never narrower than 500.
+/// Acts like a reader of the page: waits for all pictures, moves a border, selects another scene. Then opens
+/// the page again 400 pixels wide, in a frame, since Chromium's windows are never narrower than 500.
 const LOOK_AT_REPORT: &str = "<script>if (top === self) {
     const frame = document.createElement('iframe');
     frame.style = 'width: 400px; height: 800px; border: 0';
@@ -322,7 +325,7 @@ const LOOK_AT_REPORT: &str = "<script>if (top === self) {
     });
 }</script>";
 
-/// Scenes of a dataset whose parts are known, a plan, and a history of two hold-outs.
+/// Scenes of a dataset with known parts, a plan, and a history of two hold-outs.
 #[test]
 fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
     let Some(browser) = chromium() else { return };
@@ -360,20 +363,21 @@ fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
     ));
     let html = fs::read_to_string(path("page/index.html")).unwrap();
     let html = html.replacen("<head>", &format!("<head>{COUNT_FAULTS}"), 1);
-    // Wherever it lies.
+    // In any folder.
     fs::write(path("elsewhere.html"), html.replacen("</body>", &format!("{LOOK_AT_REPORT}</body>"), 1)).unwrap();
     let page = loaded(&browser, &path("elsewhere.html"), "", &[]);
     let (_, seen) = page.split_once("<pre id=\"seen\">").unwrap();
     let seen = seen.split_once("</pre>").unwrap().0.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
     let seen: serde_json::Value = serde_json::from_str(&seen).unwrap();
-    // Of both views: two under the slider, the photograph and its true parts, of both scenes a render, an error and parts.
+    // For both views: two pictures under the slider, the photograph and its true parts, and for both scenes a
+    // render, an error and parts.
     assert_eq!(
         (&seen["pictures"], &seen["broken"], &seen["asked"], &seen["lost"]),
         (&26.into(), &0.into(), &0.into(), &0.into()),
         "{seen}"
     );
     assert_eq!((&seen["faults"], &seen["narrow"]["faults"]), (&json!([]), &json!([])), "{seen}");
-    // PSNR and SSIM over seconds and bytes of the one hold-out in which a run goes on.
+    // PSNR and SSIM over seconds and bytes, for the one hold-out with several evaluations of a run.
     assert_eq!(seen["curves"], 4, "{seen}");
     let plan = format!("Plan of {name}");
     let expected = [
@@ -392,7 +396,7 @@ fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
     );
     assert_eq!(seen["cut"], "inset(0px 75% 0px 0px)", "{seen}");
     let alt = |key: &str, side: usize| seen[key][side].as_str().unwrap().to_owned();
-    // The photograph beside the last scene at first; then the base beside it.
+    // First the photograph next to the last scene; then the base next to it.
     assert!(alt("before", 0).contains("photo") && alt("before", 1).contains(name), "{seen}");
     assert!(alt("after", 0).contains("base") && alt("after", 1) == alt("before", 1), "{seen}");
     let narrow = &seen["narrow"];

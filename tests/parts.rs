@@ -1,4 +1,4 @@
-//! The score of a decomposition against float64.
+//! Compares the score of a decomposition with float64.
 
 mod common;
 
@@ -20,7 +20,7 @@ fn linear(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Renders by the float64 twins, parts by the definition (method, section 6), and PSNR by its own.
+/// Renders by the float64 twins, parts by the definition (method, section 6), and a separate PSNR.
 #[test]
 fn the_score_of_the_parts_is_that_of_float64() {
     let gpu = Gpu::new();
@@ -72,7 +72,7 @@ fn the_score_of_the_parts_is_that_of_float64() {
         }
         let [want_diffuse, want_specular] = errors.map(|error| -10.0 * error.log10());
         assert!(want_specular.is_finite() && (want_specular - want_diffuse).abs() > 0.1);
-        // Pixels are off by 1e-5 in the mean, which errors of a tenth and more turn into 1e-3 dB at most.
+        // Pixels are off by 1e-5 on average; with errors of a tenth and more that is at most 1e-3 dB.
         let off = [found.diffuse - want_diffuse, found.specular - want_specular];
         assert!(off.iter().all(|off| off.abs() < 1e-3), "{found:?}, off by {off:?}");
     }

@@ -1,4 +1,4 @@
-//! Residual pursuit where scenes, photographs and views are not what they usually are.
+//! Residual pursuit with unusual scenes, photographs and views.
 
 mod common;
 
@@ -26,7 +26,7 @@ fn wall() -> Scene {
     wall_of(9)
 }
 
-/// Of so many Gaussians across, at least; 9 leave some of what the outer cameras see empty.
+/// A wall with at least `across` Gaussians per side; 9 leave a part of the outer cameras' view empty.
 fn wall_of(across: i32) -> Scene {
     let mut base = Gaussians { sh_degree: 0, ..Default::default() };
     for (i, j) in (0..across).flat_map(|i| (0..9).map(move |j| (i, j))) {
@@ -106,7 +106,7 @@ fn four(gpu: &Gpu, most: u32, options: PursuitOptions) -> Outcome {
     place(gpu, &wall(), &[0, 1, 2, 3].map(camera), &photos, most, options)
 }
 
-/// What all views lack is plain, what two have gets a lobe, and both lie on the wall.
+/// An object missing in all views becomes plain, one missing in two gets a lobe; both lie on the wall.
 #[test]
 fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
     let Outcome { placed, .. } = four(&Gpu::new(), 60, PursuitOptions::default());
@@ -114,7 +114,7 @@ fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
     for lift in &placed.lifts {
         let [x, y, z] = lift.mean;
         assert!((z - 4.0).abs() < 0.3, "{lift:?}");
-        // As the second camera has it.
+        // Position in the second camera.
         let (u, v) = (65.0 * (x + 0.37) / z + 30.0, 65.0 * y / z + 25.0);
         if (40.0..50.0).contains(&u) && (7.0..17.0).contains(&v) {
             spots += 1;
@@ -135,10 +135,10 @@ fn the_same_every_run_and_in_any_pages() {
     let first = four(&gpu, 40, options);
     let again = four(&gpu, 40, options);
     assert_eq!((&first.placed, &first.model), (&again.placed, &again.model));
-    // A page holds a view of 3,000 pixels and its smaller levels, but not two.
+    // A page fits a view of 3,000 pixels with its smaller levels, but not two.
     let paged = four(&gpu, 40, PursuitOptions { page: Some(4000), ..options });
     assert_eq!(first.placed.lobes, paged.placed.lobes);
-    // Sums are made page by page, so that they may differ in their last bits.
+    // Sums are made page by page, so their last bits may differ.
     for (a, b) in first.placed.gains.iter().zip(&paged.placed.gains) {
         assert!((a - b).abs() <= 1e-4 * a, "{a} {b}");
     }
@@ -154,16 +154,16 @@ fn kinds_rooms_and_numbers_are_kept() {
     assert!(plain.plain > 0 && plain.lobes == 0);
     assert_eq!(of(1, PursuitOptions::default()).count(), 1);
     let all = of(40, PursuitOptions::default());
-    // The greatest gains first, and none below what is asked for.
+    // Highest gains first, and none below the minimum.
     let middle = all.gains[all.gains.len() / 2];
     let few = of(40, PursuitOptions { least_gain: middle, ..Default::default() });
     assert!(few.gains.iter().all(|&gain| gain >= middle) && few.count() < all.count());
-    // More draws than there are pixels that lack anything.
+    // More draws than there are pixels with a residual.
     assert!(of(2000, PursuitOptions { draws: 20, ..Default::default() }).count() > 0);
 }
 
-/// A render that is the photograph to within its 8 bits leaves nothing worth a Gaussian; none is placed where pixels do not count or have
-/// no surface.
+/// A render that equals the photograph to within its 8 bits leaves nothing worth a Gaussian; none is placed
+/// on masked pixels or without a surface.
 #[test]
 fn nothing_is_placed_where_nothing_is_lacking() {
     let gpu = Gpu::new();
@@ -178,7 +178,8 @@ fn nothing_is_placed_where_nothing_is_lacking() {
     assert_eq!(place(&gpu, &wall(), &away, &photos, 40, PursuitOptions::default()).placed.count(), 0);
 }
 
-/// What one view says alone is no evidence, unless nobody asks for any. On a wall that fills all views: beyond its rim they would say something.
+/// A single view is no evidence, unless caution and doubt are off. The wall fills all views: beyond its rim
+/// there would be evidence.
 #[test]
 fn a_single_view_says_nothing() {
     let gpu = Gpu::new();
@@ -192,7 +193,7 @@ fn a_single_view_says_nothing() {
     assert!(bold > 10 && 5 * cautious < bold, "{bold} {cautious}");
 }
 
-/// Where a base lacks nothing but is NaN in places, the rest is done as usual.
+/// The base lacks nothing but is NaN in places; the rest works as usual.
 #[test]
 fn colours_that_are_no_numbers_and_single_views_are_borne() {
     let gpu = Gpu::new();
@@ -206,7 +207,7 @@ fn colours_that_are_no_numbers_and_single_views_are_borne() {
         lift.mean.iter().chain(&lift.dc).chain(&lift.log_scale).all(|v| v.is_finite())
     };
     assert!(found.placed.lifts.iter().all(finite));
-    // One pixel.
+    // An image of one pixel.
     let tiny = Camera { width: 1, height: 1, cx: 0.5, cy: 0.5, ..camera(0) };
     place(&gpu, &wall(), &[tiny], &[vec![u32::MAX]], 3, PursuitOptions::default());
 }
@@ -223,7 +224,8 @@ fn a_ratio_of_nothing_adds_nothing_and_learns_nothing() {
     assert_eq!(found.scene, wall());
 }
 
-/// What an augmentation of the wall adds, `colours` of view and pixel being what the photographs have.
+/// Augments the wall and returns the result with its plan; `colours` gives the photographs' colour by view
+/// and pixel.
 fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceOptions) -> (Enhanced, Spending) {
     let (width, height) = SIZE;
     let photo = |v: usize| -> Vec<u8> { (0..width * height).flat_map(|p| colours(v, p)).collect() };
@@ -232,9 +234,10 @@ fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceO
     let views = Views::upload(gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
     let found = enhance(&session(gpu), &wall_of(15), &views, &options, |_| ()).unwrap();
     let plan = found.spending.clone().unwrap();
-    // What was placed at first is what the plan says, and all that there is in the end is what it allows.
+    // The first placement matches the plan, and the final number is within its limits.
     assert_eq!((plan.lobes.placed, plan.plain.placed), (found.placed[0].lobes, found.placed[0].plain));
-    // No more than all of the error can go in the trial's pass over four views, and gains grow with the root of the steps.
+    // The trial's pass over four views can reduce the error at most to 0, and gains grow with the root of the
+    // steps.
     let most = 10.0 / std::f64::consts::LN_10 * (f64::from(plan.steps) / 4.0).sqrt();
     assert!(plan.training_on_db.is_none_or(|db| db < most), "{plan:?}");
     let plain = (found.scene.base.len() - wall_of(15).base.len()) as u32;
@@ -250,12 +253,12 @@ fn short(weigh: Weigh) -> EnhanceOptions {
     options
 }
 
-/// The wall's photographs: a stripe that all have, and a light that moves over the wall with the eye.
+/// Photographs of the wall: a stripe common to all, and a light that moves over the wall with the eye.
 fn lit(stripe: bool, light: bool) -> impl Fn(usize, u32) -> [u8; 3] {
     move |v, p| {
         let (u, w) = (p % SIZE.0, p / SIZE.0);
         let on = |at: u32| u.abs_diff(at) < 4 && w.abs_diff(12) < 4;
-        // What lies on the wall moves 6 px with each camera, this the other way.
+        // Objects on the wall move 6 px with each camera; the light moves the other way.
         if light && on(40 - 4 * v as u32) {
             [250, 250, 240]
         } else if stripe && (20..26).contains(&u.wrapping_sub(6 * v as u32)) {
@@ -266,7 +269,8 @@ fn lit(stripe: bool, light: bool) -> impl Fn(usize, u32) -> [u8; 3] {
     }
 }
 
-/// A diffuse scene gets plain Gaussians, a shiny one lobes; where nothing is worth it the scene stays as it is, and the plan says so.
+/// A diffuse scene gets plain Gaussians, a shiny one lobes. If nothing is worth its price the scene stays
+/// unchanged, and the plan says so.
 #[test]
 fn a_plan_spends_on_what_gains_and_on_nothing_where_that_is_too_little() {
     let gpu = Gpu::new();
@@ -275,10 +279,10 @@ fn a_plan_spends_on_what_gains_and_on_nothing_where_that_is_too_little() {
     let (_, shiny) = weighed(&gpu, lit(false, true), short(Weigh::Tell));
     assert!(shiny.lobes.placed > 2 && shiny.lobes.gain_db > 10.0 * shiny.plain.gain_db, "{shiny:?}");
     assert!(shiny.training_on_db.is_some_and(|gain| gain >= 0.0));
-    // The wall is this grey but for a little of every channel, from everywhere.
+    // The wall nearly has this grey, up to a small difference in every channel, from all views.
     let (found, even) = weighed(&gpu, |_, _| GREY, short(Weigh::Limit));
     assert!(even.lobes.chosen == 0 && even.below_training_on > 0 && found.lifted == 0, "{even:?}");
-    // A demand that nothing meets.
+    // A minimum gain that nothing reaches.
     let mut options = short(Weigh::Limit);
     options.pursuit.least_gain = 1e9;
     let (found, nothing) = weighed(&gpu, lit(true, true), options);
@@ -297,7 +301,8 @@ fn bytes_and_gaussians_are_never_more_than_asked_for() {
     }
 }
 
-/// Lobes have no bands above the constant one but where they are asked for; where bytes are limited, more fit without.
+/// Lobes only have bands above the constant one on request; with a limit on bytes, more Gaussians fit
+/// without.
 #[test]
 fn lobes_have_the_bands_that_are_asked_for_and_more_fit_without() {
     let gpu = Gpu::new();
@@ -328,7 +333,7 @@ fn lobes_have_the_bands_that_are_asked_for_and_more_fit_without() {
     assert!(whole_bytes <= limit && bytes <= limit && few <= 20 && many > 24, "{few} {whole_bytes} {many} {bytes}");
 }
 
-/// A joint phase that is planned anew ends when the last plan says, and places all that it would have placed.
+/// A joint phase with a changed length ends at the new length, and makes all its placements.
 #[test]
 fn a_joint_phase_can_become_longer_or_shorter_on_its_way() {
     let gpu = Gpu::new();
@@ -357,7 +362,7 @@ fn a_joint_phase_can_become_longer_or_shorter_on_its_way() {
     }
 }
 
-/// The whole of it makes a scene better, and what other viewers see is never worse than before.
+/// The whole augmentation improves a scene, and the base for other viewers never gets worse.
 #[test]
 fn everything_learns_and_the_original_is_kept_where_it_is_better_alone() {
     let gpu = Gpu::new();
@@ -376,7 +381,7 @@ fn everything_learns_and_the_original_is_kept_where_it_is_better_alone() {
     let before = both.base_losses.iter().sum::<f64>() as f32 / 3.0;
     assert!(lobes < 0.6 * before, "{before} {lobes}");
     assert_eq!(both.placed.len(), 3);
-    // No more than half of 81 are left, none of which has faded.
+    // At most half of 81 are left, none faded.
     let supplement = both.scene.supplement.as_ref().unwrap();
     let plain = both.scene.base.len() - wall().base.len();
     assert!(supplement.gaussians.len() == both.lifted as usize && both.lifted as usize + plain <= 41);
@@ -388,7 +393,8 @@ fn everything_learns_and_the_original_is_kept_where_it_is_better_alone() {
         without.scene.supplement.is_none() && without.original.is_none(),
         "plain Gaussians make the base better alone"
     );
-    // A base that was as good as it could become alone: what it is beside lobes is worse without them, so it is kept as it was.
+    // This base was optimal alone; trained together with lobes it is worse without them, so the original is
+    // kept.
     let model = Model::upload(&gpu, &wall(), 0).unwrap();
     let options = BaseOptions { iterations: 1500, sh_degree: 0, ..Default::default() };
     train_base(&session(&gpu), &model, &views, &options, false, |_| ()).unwrap();

@@ -1,4 +1,5 @@
-//! What residual pursuit must leave alone, to the bit: pages, budgets, views that see nothing. `tests/pursuit.rs` has what it places.
+//! Invariants of residual pursuit, to the bit: pages, budgets, views that see nothing. `tests/pursuit.rs`
+//! tests the placement itself.
 
 mod common;
 
@@ -24,7 +25,7 @@ const HEIGHT: u32 = 50;
 const WHITE: u32 = 0xFFFF_FFFF;
 const BLACK: u32 = 0xFF00_0000;
 
-/// Looks along z from `x`.
+/// A camera at `x` that looks along z.
 fn camera(x: f64) -> Camera {
     Camera {
         width: WIDTH,
@@ -38,7 +39,7 @@ fn camera(x: f64) -> Camera {
     }
 }
 
-/// A wall at z = 4 that is exactly black: what photographs show is what is lacking.
+/// An exactly black wall at z = 4: the photographs equal the residual.
 fn wall() -> Gaussians {
     let mut base = Gaussians { sh_degree: 0, ..Default::default() };
     for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
@@ -47,12 +48,12 @@ fn wall() -> Gaussians {
     base
 }
 
-/// What one view says alone counts too.
+/// Options that accept evidence from one view alone.
 fn bold() -> PursuitOptions {
     PursuitOptions { caution: 0.0, doubt: 0.0, ..Default::default() }
 }
 
-/// A black plate that faces z.
+/// Adds a black plate that faces z.
 fn push(base: &mut Gaussians, mean: [f32; 3], log_scale: f32) {
     base.means.push(mean);
     base.log_scales.push([log_scale, log_scale, -6.0]);
@@ -61,7 +62,7 @@ fn push(base: &mut Gaussians, mean: [f32; 3], log_scale: f32) {
     base.sh.push([-5.0; 3]);
 }
 
-/// Packed pixels: `colour` by column and row.
+/// Packed pixels; `colour` takes column and row.
 fn photo(camera: &Camera, colour: impl Fn(u32, u32) -> u32) -> Vec<u32> {
     (0..camera.pixels()).map(|p| colour(p % camera.width, p / camera.width)).collect()
 }
@@ -73,13 +74,13 @@ fn spot(camera: &Camera, x: u32, y: u32) -> Vec<u32> {
 
 struct Found {
     placed: Placed,
-    /// By segment.
+    /// Added Gaussians by segment.
     added: [u32; 2],
     /// Squared error of all views, before and after.
     errors: [f64; 2],
 }
 
-/// `made_for` Gaussians have room, `most` may be placed.
+/// Makes room for `made_for` Gaussians and places at most `most`.
 fn pursue_in(
     session: &Session,
     base: &Gaussians,
@@ -90,7 +91,7 @@ fn pursue_in(
     pursue_with(session, base, seen, [made_for, most], options, |pursuit| pursuit.start(most))
 }
 
-/// The same, begun by `start`.
+/// [`pursue_in`] with a custom `start`.
 fn pursue_with(
     session: &Session,
     base: &Gaussians,
@@ -147,12 +148,12 @@ fn pursue(gpu: &Context, base: &Gaussians, seen: &[(Camera, Vec<u32>)], options:
     pursue_in(&session(gpu), base, seen, [20, 20], options)
 }
 
-/// Three views of a stripe on the wall, and a spot that one of them has alone.
+/// Three views of a stripe on the wall, and a spot that only one of them sees.
 fn three() -> Vec<(Camera, Vec<u32>)> {
     let one = |v: u32| {
         let camera = camera(0.4 * f64::from(v));
         let inside = |u: u32, w: u32| v == 1 && u.abs_diff(45) < 4 && w.abs_diff(12) < 4;
-        // What lies at x is seen 6.5 px further left from each next camera.
+        // An object at x is 6.5 px further left in each next camera.
         let stripe = |u: u32| u32::from((20.0..26.0).contains(&(f64::from(u) + 6.5 * f64::from(v))));
         let colour = |u, w| if inside(u, w) { WHITE } else { BLACK | (stripe(u) * 0x0060_A0C0) };
         (camera, photo(&camera, colour))
@@ -162,18 +163,18 @@ fn three() -> Vec<(Camera, Vec<u32>)> {
 
 #[test]
 fn two_runs_give_the_same_bits_and_a_smaller_error() {
-    // A stripe needs no lobes; where they count as much as plain Gaussians, ties give both kinds.
+    // A stripe needs no lobes; if lobes count as much as plain Gaussians, ties give both kinds.
     let options = PursuitOptions { rounds: 8, lobe_worth: 1.0, ..Default::default() };
-    // A device of its own for each run: nothing may be left over from the first.
+    // A separate device for each run, so that nothing is left from the first.
     let [a, b] = [(); 2].map(|()| pursue(&Gpu::new(), &wall(), &three(), options));
     assert_eq!(a.placed, b.placed);
     assert_eq!(a.errors.map(f64::to_bits), b.errors.map(f64::to_bits));
     assert!(a.added[0] > 0 && a.added[1] > 0, "{:?}", a.added);
-    // Room for 20 is a small part of three stripes of 50 rows.
+    // 20 Gaussians are a small part of three stripes of 50 rows.
     assert!(a.errors[1] < 0.95 * a.errors[0], "{:?}", a.errors);
 }
 
-/// Sums over views go on from page to page, so not one bit differs.
+/// Sums over views continue from page to page, so no bit differs.
 #[test]
 fn pages_change_nothing() {
     let gpu = Gpu::new();
@@ -181,13 +182,14 @@ fn pages_change_nothing() {
     let of = |page| pursue(&gpu, &wall(), &seen, PursuitOptions { rounds: 8, page, ..Default::default() }).placed;
     let whole = of(None);
     assert!(whole.count() > 8, "{whole:?}");
-    // A view has 60 x 50 + 30 x 25 + 15 x 13 texels: a page for each view, then one of two and one of one.
+    // A view has 60 x 50 + 30 x 25 + 15 x 13 texels: one page per view, then one page for two views and one
+    // for the third.
     for page in [1, 2 * 3945] {
         assert_eq!(of(Some(page)), whole, "{page}");
     }
 }
 
-/// Of the same draws and rounds the first Gaussians are the same, whether more may follow or not.
+/// With the same draws and rounds the first Gaussians are the same, whether or not more may follow.
 #[test]
 fn budgets_are_kept() {
     let gpu = Gpu::new();
@@ -198,14 +200,14 @@ fn budgets_are_kept() {
     };
     let all = run(20, 20, 12);
     assert!(all.count() > 8, "{all:?}");
-    // More than it was made for is not placed.
+    // The limit at construction is never exceeded.
     for (made_for, most, draws) in [(1, 1, 240), (20, 1, 12), (20, 7, 12), (20, 0, 12), (6, 40, 40)] {
         let (some, fit) = (run(made_for, most, draws), most.min(made_for) as usize);
         assert_eq!((&some.lifts[..], &some.gains[..]), (&all.lifts[..fit], &all.gains[..fit]));
     }
 }
 
-/// Bytes end a placement where the next Gaussian would take more than are left, whatever its kind.
+/// A limit on bytes ends a placement at the first Gaussian that does not fit, whatever its kind.
 #[test]
 fn bytes_are_spent_in_the_order_of_gain() {
     let gpu = Gpu::new();
@@ -217,7 +219,7 @@ fn bytes_are_spent_in_the_order_of_gain() {
         };
         pursue_with(&session(&gpu), &wall(), &three(), [20, 20], options, start).placed
     };
-    // At half the price and half the worth ties give both kinds.
+    // At half the price and half the worth, ties give both kinds.
     let prices = [124, 248];
     let all = run(prices, None);
     assert!(all.lobes > 0 && all.plain > 0 && all.count() > 8, "{all:?}");
@@ -231,12 +233,12 @@ fn bytes_are_spent_in_the_order_of_gain() {
         let (fit, some) = (fit.count(), run(prices, Some(bytes)));
         assert_eq!((&some.lifts[..], &some.gains[..]), (&all.lifts[..fit], &all.gains[..fit]), "{bytes}");
     }
-    // What is cheaper still is chosen more often.
+    // A lower price makes a kind more frequent.
     let cheap = run([76, 248], Some(20 * 76));
     assert!(cheap.lobes > all.lobes && cheap.plain < all.plain, "{cheap:?}");
 }
 
-/// Of one kind, and worth what is asked for.
+/// Only the allowed kinds, with at least the minimum gain.
 #[test]
 fn kinds_and_the_least_gain_are_kept() {
     let gpu = Gpu::new();
@@ -253,7 +255,8 @@ fn kinds_and_the_least_gain_are_kept() {
     assert_eq!(fewer.gains, plain.gains[..enough]);
 }
 
-/// A wall of small plates of all colours, of which photographs differ by even spots and noise: what would hide the plates is not worth it.
+/// A wall of small plates of all colours; the photographs differ by evenly spaced spots and by noise.
+/// Gaussians that would hide the plates are not worth it.
 #[test]
 fn gains_are_what_the_error_falls_by_on_a_texture() {
     let gpu = Gpu::new();
@@ -287,23 +290,25 @@ fn gains_are_what_the_error_falls_by_on_a_texture() {
         };
         seen.push((*camera, photo(camera, one)));
     }
-    // What is certain of a gain is less than the gain.
+    // Without doubt, which would reduce the predicted gains.
     let found = pursue(&gpu, &base, &seen, PursuitOptions { doubt: 0.0, ..Default::default() });
     let predicted: f64 = found.placed.gains.iter().map(|&gain| f64::from(gain)).sum();
     let fell = found.errors[0] - found.errors[1];
-    // A fifth, since levels lie at every other size and candidates between pixels. Without what a footprint hides the error rises.
+    // A fifth, since levels are at every other size and candidates between pixels. Without the occlusion by a
+    // footprint, the error would rise.
     let count = found.placed.count();
     assert!(count > 10 && (fell / predicted - 1.0).abs() < 0.2, "{count}: fell by {fell}, predicted {predicted}");
 }
 
-/// Nine views of a black wall, of which some show a spot: what one view in nine says is noise to whoever doubts it, what all say is not.
+/// Nine views of a black wall, some of which show a spot: with doubt, one view in nine counts as noise, all
+/// nine do not.
 #[test]
 fn what_few_views_tell_counts_less() {
     let gpu = Gpu::new();
     let seen = |tell: usize| -> Vec<(Camera, Vec<u32>)> {
         let one = |v: usize| {
             let camera = camera(0.05 * v as f64);
-            // The same place of the wall in every view.
+            // The same place on the wall in every view.
             let at = 30 - (65.0 * 0.05 * v as f64 / 4.0).round() as u32;
             (camera, if v < tell { spot(&camera, at, 25) } else { photo(&camera, |_, _| BLACK) })
         };
@@ -316,7 +321,8 @@ fn what_few_views_tell_counts_less() {
     assert!(of(1, 0.0).count() > 0);
     assert_eq!(of(1, 1.0).count(), 0);
     let [sure, unsure] = [0.0, 1.0].map(|doubt| of(9, doubt).gains[0]);
-    // Lobes of the greatest width reach all nine, the outer ones weakly: between those of nine alike, 1 - 1/3, and of four.
+    // Lobes of the maximum width reach all nine, the outer ones weakly: between 1 - 1/3 for nine equal views,
+    // and the value for four.
     assert!((0.5..0.7).contains(&(unsure / sure)), "{unsure} of {sure}");
 }
 
@@ -325,14 +331,14 @@ fn without_an_error_nothing_is_placed() {
     let gpu = Gpu::new();
     let black = [0.0, 0.4].map(|x| (camera(x), photo(&camera(x), |_, _| BLACK)));
     let white = [0.0, 0.4].map(|x| (camera(x), photo(&camera(x), |_, _| WHITE)));
-    // A wall that is as its photographs, and no surface to put anything on.
+    // A wall that equals its photographs, and a scene without any surface.
     for (base, seen) in [(wall(), &black), (Gaussians::default(), &white)] {
         let found = pursue(&gpu, &base, seen, PursuitOptions::default());
         assert_eq!((found.added, found.placed), ([0, 0], Placed::default()));
     }
 }
 
-/// The square is left out of a photograph, or all of a render is NaN or infinite.
+/// The square is masked in a photograph, or a whole render is NaN or infinite.
 #[test]
 fn pixels_that_do_not_count_draw_nothing() {
     let gpu = Gpu::new();
@@ -350,8 +356,9 @@ fn pixels_that_do_not_count_draw_nothing() {
     }
 }
 
-/// Without another view the angle to the nearest is a quarter turn; what is placed lies on the wall. Each is fitted to the render as it
-/// was, so where several overlap they gain less than the sum: the square keeps 0.63 of its error.
+/// Without another view the angle to the nearest is a quarter turn; placed Gaussians lie on the wall. Each is
+/// fitted to the same original render, so overlapping ones gain less than their sum: the square keeps 0.63 of
+/// its error.
 #[test]
 fn one_view_is_enough() {
     let gpu = Gpu::new();
@@ -364,13 +371,14 @@ fn one_view_is_enough() {
     );
     for lift in &found.placed.lifts {
         assert_eq!(lift.theta_bar, std::f32::consts::FRAC_PI_2);
-        // 4 px of 65 a unit at depth 4.
+        // 4 px at depth 4, with 65 px per unit.
         let [x, y, z] = lift.mean;
         assert!(x.abs() < 0.25 && y.abs() < 0.25 && (z - 4.0).abs() < 0.1, "{lift:?}");
     }
 }
 
-/// A camera that looks away and one that looks elsewhere do not see the wall's middle: to angle and gain they are not there.
+/// A camera that looks away and one that looks elsewhere do not see the wall's middle: angle and gain must
+/// not change.
 #[test]
 fn views_behind_and_beside_change_nothing() {
     let gpu = Gpu::new();
@@ -385,13 +393,14 @@ fn views_behind_and_beside_change_nothing() {
     }
 }
 
-/// A view from the side in which a plate hides what is placed has no part in its gain; without the plate it has.
+/// If a plate hides a candidate in a view from the side, that view does not affect its gain; without the
+/// plate it does.
 #[test]
 fn a_view_from_which_a_candidate_is_hidden_does_not_judge_it() {
     let gpu = Gpu::new();
     let (front, side) = ((camera(0.0), spot(&camera(0.0), 30, 25)), (camera(1.5), photo(&camera(1.5), |_, _| BLACK)));
     let options = PursuitOptions { kinds: Kinds::Plain, ..bold() };
-    // Half way from the side's camera to the middle of the spot; 24 px beside it for the camera in front.
+    // Half way from the side's camera to the middle of the spot; 24 px next to it for the camera in front.
     let mut hidden = wall();
     push(&mut hidden, [0.75, 0.0, 2.0], 0.3f32.ln());
     let run = |base: &Gaussians, seen: &[(Camera, Vec<u32>)]| pursue(&gpu, base, seen, options).placed;
@@ -402,12 +411,12 @@ fn a_view_from_which_a_candidate_is_hidden_does_not_judge_it() {
     let parts =
         |placed: &Placed| placed.lifts.iter().map(|l| (l.mean, l.log_scale, l.opacity, l.dc)).collect::<Vec<_>>();
     assert_eq!(parts(&judged), parts(&alone));
-    // In the open, what the front gains the side loses.
+    // Without the plate, the side loses the front's gain.
     let open = [run(&wall(), from_ref(&front)), run(&wall(), &[front, side])];
     assert!(open[1].gains.iter().sum::<f32>() < 0.8 * open[0].gains.iter().sum::<f32>(), "{open:?}");
 }
 
-/// A pixel has one candidate, however often it is drawn.
+/// A pixel gives one candidate, however often it is drawn.
 #[test]
 fn more_draws_than_pixels() {
     let gpu = Gpu::new();

@@ -1,4 +1,4 @@
-//! Gradients added up by float atomics, which take over where records by intersection find no room.
+//! Gradients accumulated by float atomics, the fallback if records by intersection do not fit.
 
 mod common;
 #[path = "common/probe.rs"]
@@ -16,13 +16,13 @@ use glint::{
 };
 use probe::{Blob, Probe, Setup, camera_at, distance, ripple, scene};
 
-/// The fewest intersections whose records are more than the device binds at once.
+/// The smallest number of intersections whose records exceed the device's limit for one buffer.
 fn too_many(gpu: &Gpu) -> u32 {
-    // A third of a record lies in each of three buffers.
+    // Each of three buffers holds a third of a record.
     u32::try_from(gpu.info().max_storage_bytes / 12 + 1).unwrap()
 }
 
-/// Where the device has no float atomics, asking for them is an error and nothing else here can be tried.
+/// Without float atomics on the device, requesting them is an error, and the tests here end.
 fn has_atomics(gpu: &Gpu) -> bool {
     if !gpu.info().float_atomics {
         let options = options(1, Reduction::Atomic);
@@ -49,11 +49,11 @@ fn options(isects: u32, reduction: Reduction) -> RasterOptions {
     }
 }
 
-/// A driver that moves memory to the host would give what the device has not; the budget says no before.
+/// A driver that moves memory to the host would grant more than the device has; the budget refuses first.
 #[test]
 fn atomics_take_over_where_records_are_beyond_the_memory_budget() {
     let isects = 1_000_000;
-    // The records take 36 MB, the lists 4 MB and more; without records 16 MB and more.
+    // The records take 36 MB, the lists at least 4 MB; without records at least 16 MB.
     let gpu = Gpu::with(ContextOptions { memory_budget: Some(30_000_000), ..ContextOptions::from_env() });
     let refused = Raster::new(&gpu, options(isects, Reduction::Deterministic)).err().unwrap();
     assert!(matches!(&refused, GpuError::OverBudget { name, .. } if name.starts_with("record")), "{refused}");
@@ -63,7 +63,8 @@ fn atomics_take_over_where_records_are_beyond_the_memory_budget() {
     }
 }
 
-/// Sizes are known before anything is made: what buffers take beside their plan does not depend on how many elements they have.
+/// Plans give sizes in advance: the difference to the buffers' real memory does not depend on the number of
+/// elements.
 #[test]
 fn a_plan_is_what_buffers_take() {
     let gpu = Gpu::new();
@@ -80,8 +81,8 @@ fn a_plan_is_what_buffers_take() {
     assert!(little == much && little < 1 << 16, "{little} and {much} bytes");
 }
 
-/// Growth holds what there was and one new buffer at most; without that much room, even for no more than is needed, the raster stays as
-/// it was.
+/// Growth holds at most the old buffers and one new one. Without room for that, even for the required size
+/// only, the raster stays unchanged.
 #[test]
 fn growth_needs_the_room_of_one_buffer_more() {
     let (old, new) = (400_000, 1_000_000);
@@ -93,16 +94,16 @@ fn growth_needs_the_room_of_one_buffer_more() {
     let (gpu, mut raster) = made(None);
     let before = gpu.memory().used;
     raster.grow(new).unwrap();
-    // Where blocks no longer fit, each of some dozens of small buffers begins where the device wants it to.
+    // If blocks no longer fit, each of a few dozen small buffers is aligned separately.
     let slack = 1 << 14;
     let (after, room) = (gpu.memory().used, raster.capacity());
     assert!(room >= new && after > 2 * before);
-    // A record's parts have three floats each: the largest buffer.
+    // Each part of a record has three floats: the largest buffer.
     let largest_old = 12 * u64::from(old);
     let (gpu, mut raster) = made(Some(after + largest_old));
     raster.grow(new).unwrap();
     assert_eq!((gpu.memory().used, raster.capacity()), (after, room));
-    // What it really takes lies between: half of what is open six times.
+    // The real need is in between: bisect six times.
     let (mut low, mut high) = (before + slack, after + largest_old);
     for _ in 0..6 {
         let budget = (low + high) / 2;
@@ -110,12 +111,12 @@ fn growth_needs_the_room_of_one_buffer_more() {
         if raster.grow(new).is_ok() { high = budget } else { low = budget }
     }
     println!("growth from {before} to {after} bytes held {high} at most; the largest old buffer has {largest_old}");
-    // Where a quarter more does not fit, what is needed may.
+    // If a quarter more does not fit, the required size may.
     let (gpu, mut raster) = made(Some(after - largest_old));
     raster.grow(new).unwrap();
     assert_eq!((raster.capacity(), raster.by_gaussian()), (new, false));
     let exact = gpu.memory().used;
-    // The lists fit, the records do not; and not even the first list does.
+    // First the lists fit but not the records, then not even the first list fits.
     for budget in [exact - largest_old, before + slack] {
         let (gpu, mut raster) = made(Some(budget));
         let refused = raster.grow(new).unwrap_err();
@@ -125,7 +126,7 @@ fn growth_needs_the_room_of_one_buffer_more() {
     }
 }
 
-/// Room for what may come is no reason to take atomics; what does not fit is.
+/// Growth ahead of time must not switch to atomics; growth after an overflow may.
 #[test]
 fn growth_in_time_keeps_the_order_of_sums() {
     let (old, fits, more) = (400_000, 800_000, 1_000_000);
@@ -137,7 +138,7 @@ fn growth_in_time_keeps_the_order_of_sums() {
     let (gpu, mut raster) = made(None);
     raster.grow_early(fits).unwrap();
     assert!(raster.capacity() == more && !raster.by_gaussian());
-    // The lists fit and the records do not.
+    // The lists fit, the records do not.
     let budget = gpu.memory().used - 12 * u64::from(old);
     let (gpu, mut raster) = made(Some(budget));
     let before = gpu.memory().used;
@@ -162,21 +163,21 @@ fn float_atomics_give_the_twins_gradients() {
         let setup = Setup { degree, compensate, reduction: Reduction::Atomic, ..Default::default() };
         let mut probe = Probe::new(&gpu, (base + supplement) as u32, &camera, setup);
         let twin = probe.twin(&scene, &camera, 1e-4);
-        // Twice: the sums begin at 0 again.
+        // Twice: sums must start at 0 again.
         for _ in 0..2 {
             let shot = probe.shoot(&scene, &camera, &twin.image_grad);
             let found = distance(&shot, &twin);
             println!("{:?}", found.groups);
             assert!(found.groups.len() >= 6);
-            // A few dozen tiles are added up in another order: the bounds of `tests/render.rs` hold.
+            // A few dozen tiles are summed in another order: the bounds of `tests/render.rs` apply.
             assert!(found.groups.iter().all(|(_, l2, cosine)| *l2 <= 1e-4 && *cosine > 0.9999), "{:?}", found.groups);
         }
     }
 }
 
-/// Eight Gaussians, each with the same term from all of 129,600 tiles. One after the other, n such terms lose up to half a unit
-/// in the last place of the sum each: n · 2⁻²⁵ of it, 4e-3. Deterministic sums, in parts and compensated, have 5e-6
-/// (`tests/extremes/`).
+/// Eight Gaussians, each with the same term from all of 129,600 tiles. Summed one by one, n such terms lose
+/// up to half a unit in the last place of the sum each: n · 2⁻²⁵ of it, 4e-3. Deterministic sums, in parts
+/// and compensated, lose 5e-6 (`tests/extremes/`).
 #[test]
 fn float_atomics_lose_digits_where_one_gaussian_fills_a_large_image() {
     let gpu = Gpu::new();
@@ -217,7 +218,7 @@ fn atomics_take_over_where_records_find_no_room_and_not_where_bits_are_promised(
     assert!(Raster::new(&gpu, options(too_many, Reduction::Auto)).unwrap().by_gaussian());
     assert!(!Raster::new(&gpu, options(1000, Reduction::Auto)).unwrap().by_gaussian());
 
-    // As in training: from one step to the next, when the buffers grow.
+    // As in training, between two steps when the buffers grow.
     let camera = camera_at(DVec3::ZERO, 80, 60);
     let scene = random_scene(14, 400, 200, 1);
     let mut probe =
@@ -233,7 +234,8 @@ fn atomics_take_over_where_records_find_no_room_and_not_where_bits_are_promised(
     }
 }
 
-/// NaN is in no pixel, so it adds to no sum; that of `tests/extremes/` to the bit is for fixed orders only.
+/// A NaN Gaussian is in no pixel, so it adds to no sum; the bitwise test in `tests/extremes/` needs the
+/// deterministic reduction.
 #[test]
 fn float_atomics_keep_nan_apart() {
     let gpu = Gpu::new();

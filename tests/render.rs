@@ -1,4 +1,4 @@
-//! Rendering and its gradients on the device against the float64 twins, for scenes of every degree.
+//! Compares rendering and its gradients on the device with the float64 twins, for scenes of every degree.
 
 mod common;
 #[path = "common/probe.rs"]
@@ -48,13 +48,14 @@ fn images_and_gradients_agree_with_the_twin_but_where_a_threshold_is_met() {
             let found = distance(&shot, &twin);
             println!("scene {seed}: image off by {mean:.1e}, {:?}", found.groups);
             assert!(mean < 1e-5 && found.groups.len() >= 5);
-            // Float32 sums of some hundred terms that partly cancel: 1e-5 is usual, 1e-4 the bound that is promised.
+            // Float32 sums of some hundred terms that partly cancel: 1e-5 is usual, 1e-4 the promised bound.
             assert!(found.groups.iter().all(|(_, l2, cosine)| *l2 <= 1e-4 && *cosine > 0.9999), "{:?}", found.groups);
         }
     }
 }
 
-/// SparseAdam moves what the view blends. Where α is clamped at 0.99 in every pixel there is no gradient, but momentum goes on.
+/// SparseAdam moves all Gaussians that the view blends. If α is clamped at 0.99 in every pixel there is no
+/// gradient, but momentum continues.
 #[test]
 fn a_gaussian_that_is_clamped_in_every_pixel_counts_as_blended() {
     let gpu = Gpu::new();
@@ -90,7 +91,8 @@ fn a_gaussian_that_is_clamped_in_every_pixel_counts_as_blended() {
     assert_eq!((got[1], opacities[1]), ([m, v, 0.0, 0.0], 12.0));
 }
 
-/// Slots that were counted and are not needed drop out of the sort by tile: the image is the same to the last bit.
+/// Slots that were counted but are not needed drop out of the sort by tile: the image is equal to the last
+/// bit.
 #[test]
 fn tiles_counted_in_vain_change_no_pixel() {
     let gpu = Gpu::new();
@@ -111,11 +113,11 @@ fn tiles_counted_in_vain_change_no_pixel() {
     let (upto, args) = (Segment::Supplement, &model.population_args);
     let splats =
         SplatCount { count: &model.population, index: upto.index() + 1, args, dispatch: model.blocks_dispatch(upto) };
-    // Nobody asks for depths once they are sorted, so they are not kept.
+    // Depths are not needed after their sort, so they are not kept.
     let (params, view) = (Params::from_scene(&scene).unwrap(), View::from_camera(&camera).rounded());
     let key = |i: usize| if counts[i] > 0 { (view.to_camera(params.mean(i)).z as f32).to_bits() } else { NONE };
     let keys: Vec<u32> = (0..counts.len()).map(key).collect();
-    // Twice, so that what an earlier order left in the lists is there to be taken for tiles.
+    // Twice, so that stale entries of an earlier order could be taken for tiles.
     for _ in 0..2 {
         raster.depth_keys().unwrap().upload(0, &keys).unwrap();
         let mut recorder = gpu.recorder("order again").unwrap();

@@ -1,5 +1,5 @@
-//! Any scene whose numbers are in their documented ranges comes back bit for bit: from a PLY file, from the twins' planes,
-//! from the device.
+//! Any scene with numbers in their documented ranges survives a round trip bit for bit: through a PLY file,
+//! through the twins' planes, through the device.
 
 mod common;
 
@@ -24,7 +24,7 @@ fn finite() -> impl Strategy<Value = f32> {
     POSITIVE | NEGATIVE | NORMAL | SUBNORMAL | ZERO
 }
 
-/// Neither zero nor so short or long that its squared length leaves float32's normal numbers, 2⁻¹²⁶ to 2¹²⁸.
+/// Not zero, with a squared length within float32's normal numbers, 2⁻¹²⁶ to 2¹²⁸.
 fn direction<const N: usize>(parts: impl Strategy<Value = [f32; N]>) -> impl Strategy<Value = [f32; N]> {
     let long_enough = |v: &[f32; N]| v.iter().any(|x| x.abs() > 0.1);
     (parts.prop_filter("a direction", long_enough), -59..62i32).prop_map(|(v, e)| v.map(|x| x * 2f32.powi(e)))
@@ -54,7 +54,8 @@ fn lobes(n: usize) -> impl Strategy<Value = Lobes> {
         .prop_map(|(directions, widths, sharpness)| Lobes { directions, widths, sharpness })
 }
 
-/// Up to 50 Gaussians of any SH degrees, one for each part, without a supplement, with an empty one, or with one of up to 50.
+/// Up to 50 Gaussians of any SH degrees, one degree per segment; without a supplement, with an empty one, or
+/// with up to 50.
 fn scene() -> impl Strategy<Value = Scene> {
     (0..=50usize, proptest::option::of(0..=50usize), 0..=3u32, 0..=3u32).prop_flat_map(|(n, m, degree, lobe_degree)| {
         let size = m.unwrap_or(0);
@@ -67,7 +68,7 @@ fn scene() -> impl Strategy<Value = Scene> {
     })
 }
 
-/// Fails where `back` is not `scene` to the bit: `==` alone takes −0 for 0.
+/// Fails unless `back` equals `scene` to the bit: `==` alone takes −0 for 0.
 fn assert_same(back: &Scene, scene: &Scene) -> Result<(), TestCaseError> {
     prop_assert_eq!(back, scene);
     let bits = |scene: &Scene| {
@@ -86,13 +87,13 @@ fn assert_same(back: &Scene, scene: &Scene) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// An empty supplement is none where only the numbers are kept.
+/// Drops an empty supplement, for formats that only keep the numbers.
 fn without_empty_supplement(mut scene: Scene) -> Scene {
     scene.supplement = scene.supplement.filter(|supplement| !supplement.gaussians.is_empty());
     scene
 }
 
-/// Each example is shrunk and told if it fails.
+/// Runs a test on random scenes; a failing one is shrunk and reported.
 fn for_scenes(cases: u32, test: impl Fn(Scene) -> Result<(), TestCaseError>) {
     let config = Config { cases, failure_persistence: None, ..Config::default() };
     TestRunner::new(config).run(&scene(), test).unwrap_or_else(|failure| panic!("{failure}"));
@@ -113,7 +114,7 @@ fn a_ply_file_keeps_every_scene_exactly() {
 fn planes_keep_every_scene_exactly() {
     for_scenes(256, |scene| {
         let params = Params::from_scene(&scene).map_err(|error| TestCaseError::fail(error.to_string()))?;
-        // Planes are as many for all: what one part lacks is 0.
+        // All have the same number of planes: missing ones of a segment are 0.
         let Scene { base, supplement, .. } = without_empty_supplement(scene);
         let degree = params.sh_degree;
         let supplement = supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(degree), ..s });
@@ -125,7 +126,7 @@ fn planes_keep_every_scene_exactly() {
 #[test]
 fn a_device_keeps_every_scene_exactly() {
     let gpu = Gpu::new();
-    // Room beyond, and pages of one, a few and all Gaussians, move the planes apart and must not show.
+    // Spare room, and pages of one, a few and all Gaussians, change the planes' layout but not the result.
     for (base, supplement, page) in [(0, 0, None), (0, 1, None), (9, 37, Some(3)), (2, 0, Some(1))] {
         for_scenes(24, |scene| {
             let failed = |error: &dyn std::fmt::Display| TestCaseError::fail(error.to_string());

@@ -1,4 +1,5 @@
-//! The screen phase as a whole, and what its kernels leave alone; what they compute is judged by `glint verify`.
+//! Tests the screen phase as a whole, and data that its kernels must not change; `glint verify` checks their
+//! results.
 
 mod common;
 #[path = "common/wall.rs"]
@@ -45,7 +46,7 @@ fn run(gpu: &Gpu, record: impl FnOnce(&mut Recorder)) {
     recorder.submit().unwrap().wait().unwrap();
 }
 
-/// A few small 2D Gaussians in two large images: the loss is made where it can change, and nowhere else.
+/// A few small 2D Gaussians in two large images: the loss is only computed at tiles that can change.
 #[test]
 fn tiles_without_2d_gaussians_near_are_not_listed() {
     let gpu = Gpu::new();
@@ -53,7 +54,7 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
     let frames = [frame(0, 403, 301), frame(403 * 301, 280, 333)];
     let count = 28;
     let (mut scene, _) = Scattered::new(&frames, 12, count);
-    // One beside an edge of tiles by 4 px, which the window crosses and the ellipse does not; one that is seen by nobody.
+    // One 4 px from an edge of tiles, crossed by the window but not by the ellipse; one outside of all views.
     scene.gaussians[0][..9].copy_from_slice(&[156.0, 144.0, 0.5, 0.5, 0.5, -3.0, -0.5, -0.5, 0.0]);
     scene.gaussians[1][..9].copy_from_slice(&[380.0, 16.0, 0.5, 0.5, 0.5, -9.0, 0.0, 0.0, 0.0]);
     let mut screen = Screen::new(&gpu, ScreenSizes::of_frames(&frames, count as u32), Policy::default()).unwrap();
@@ -80,7 +81,7 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
             let first = (f * per_frame) as u32;
             let own = first..first + per_frame as u32;
             let got: Vec<u32> = all.iter().filter(|t| own.contains(t)).map(|t| t - first).collect();
-            // Nothing is within a hundredth of a pixel of another tile, so the twin's list is the only one.
+            // Nothing is within a hundredth of a pixel of another tile, so the twin's list is unambiguous.
             assert_eq!(twin(halo), twin(halo + 0.01));
             assert!(got.iter().eq(twin(halo).iter()), "{got:?}");
             listed[which] += got.len();
@@ -90,8 +91,8 @@ fn tiles_without_2d_gaussians_near_are_not_listed() {
     assert!(listed[1] > 20 && listed[1] < listed[0] && listed[0] < 180);
 }
 
-/// What a rig has rendered before shows in nothing that it renders after: tiles that Gaussians have left are the backdrop again, and
-/// so is the image of a batch that has none.
+/// Earlier renders of a rig must not show in later ones: tiles without Gaussians show the backdrop again, and
+/// so does the image of an empty batch.
 #[test]
 fn tiles_that_2d_gaussians_have_left_show_the_backdrop() {
     let gpu = Gpu::new();
@@ -125,21 +126,21 @@ fn tiles_that_2d_gaussians_have_left_show_the_backdrop() {
     assert_eq!(image(&screen, &status, 0), behind);
     assert!(changed > pixels / 2, "{changed}");
 
-    // Another batch begins with an image that is anything.
+    // Another batch starts with arbitrary image contents.
     let mut screen = screen;
     screen.raster.buffers.image.upload(0, &vec![[9.0; 4]; pixels]).unwrap();
     scene.upload(&mut screen, &SMALL_FRAMES).unwrap();
     assert_eq!(image(&screen, &status, 0), behind);
 }
 
-/// Something was too small for this step.
+/// The status of a step that did not fit.
 fn failed() -> Status {
     let mut status = Status::default();
     status.fail(Resource::Intersections, 1);
     status
 }
 
-/// A draw into 20 empty places of a view of 64 × 48 pixels; which pixels were drawn.
+/// Draws into 20 empty places of a view of 64 × 48 pixels; returns the drawn pixels.
 fn drawn(gpu: &Gpu, loss: &[f32], status: Status) -> Vec<usize> {
     let frame = Frame { image_first: 0, target_first: 0, width: 64, height: 48 };
     let mut screen = Screen::new(gpu, ScreenSizes::of_frames(&[frame], 20), Policy::default()).unwrap();
@@ -188,7 +189,7 @@ fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
     striped(views, 180, 160)
 }
 
-/// The same, so large.
+/// [`striped_wall`] at this size.
 fn striped(views: usize, width: u32, height: u32) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
     let camera = |v: usize| Camera {
         width,
@@ -218,7 +219,7 @@ fn striped(views: usize, width: u32, height: u32) -> (Scene, Vec<Camera>, Vec<Ve
 
 const SCHEDULE: Schedule = Schedule { round_steps: 180, final_steps: 60, max_rounds: 3, shared_steps: false };
 
-/// With `go_on`, from the renders that the losses were made of, and with another scene from there on.
+/// Refines the views; with `go_on`, from the renders of the losses, and then with another scene.
 fn refine(
     gpu: &Gpu,
     views: usize,
@@ -270,11 +271,11 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
         assert!((0.0..=180.0).contains(&p.centre[0]) && (0.0..=160.0).contains(&p.centre[1]));
         assert!(p.colour.iter().all(|c| (0.0..=1.0).contains(c)));
         assert!(p.log_scale.iter().all(|s| *s <= 3.4f32.ln() + 1e-6));
-        // The wall's own z, but for pixels that see past it.
+        // The wall's own z, except for pixels past its edge.
         assert!(p.depth == 0.0 || (p.depth - 4.0).abs() < 0.2, "{p:?}");
     }
 
-    // The base is rendered once: what it has become by then shows in nothing.
+    // The base is rendered once: later changes of it have no effect.
     let (alone, one) = refine(&gpu, 1, &[60], None, true);
     assert_eq!(one.losses[0], refined.losses[0]);
     assert!(alone.iter().eq(gaussians.iter().filter(|p| p.view == 0)));
@@ -285,8 +286,8 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
     assert_eq!(small.losses, refined.losses);
 }
 
-/// Two views that the device does not hold at once, one after the other: what the first left shows in nothing of the second. Where it
-/// holds both, as most GPUs do, one batch has them.
+/// Two views that do not fit the device together, one after the other: the first must not affect the second.
+/// On most GPUs both fit, and one batch has them.
 #[test]
 fn batches_come_one_after_the_other() {
     let gpu = Gpu::new();
@@ -325,8 +326,8 @@ fn batches_come_one_after_the_other() {
     assert!(!gpu.info().is_cpu || gpu.info().max_storage_bytes > 128 << 20 || batches == 2);
 }
 
-/// Every draw is followed by the steps of a round and a prune, the one that fills the budget too; then all take the last steps.
-/// 50 places fill in five draws of ten where nothing is pruned.
+/// Every draw is followed by a round of steps and a prune, including the draw that fills the budget; then all
+/// take the last steps. Without prunes 50 places fill in five draws of ten.
 #[test]
 fn what_is_drawn_last_has_a_round_too() {
     let gpu = Gpu::new();

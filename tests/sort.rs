@@ -1,4 +1,4 @@
-//! Scan and radix sort on the GPU against their twins. All integers: equal means equal.
+//! Compares scan and radix sort on the GPU with their twins. All are integers, so results must be equal.
 
 mod common;
 
@@ -16,7 +16,8 @@ use glint::{
 };
 
 const NO_KEY: u32 = u32::MAX;
-/// Nothing, one, a row less one, a block and its neighbours, several workgroups with a part of a block at the end.
+/// Nothing, one, a row less one, a block and its neighbours, several workgroups with a partial block at the
+/// end.
 const SIZES: [u32; 8] = [0, 1, 7, 1023, 1024, 1025, 8 * 1024 + 1, 30_000];
 
 fn upload(context: &Context, name: &str, data: &[u32]) -> Buffer<u32> {
@@ -28,7 +29,7 @@ fn noise(i: u32) -> u32 {
     (x ^ x >> 15).wrapping_mul(0x846c_a68b)
 }
 
-/// Whose count it is.
+/// Resource that the count stands for.
 const RESOURCE: Resource = Resource::BaseGaussians;
 /// Words of the count buffer of these tests.
 const ITEMS: u32 = 0;
@@ -51,7 +52,7 @@ impl Counted {
         })
     }
 
-    /// Items of `capacity` at most; the dispatch is the second.
+    /// Limits the items to `capacity`; the dispatch is the second.
     fn record(&self, recorder: &mut glint::gpu::Recorder, capacity: u32, items_per_group: u32) {
         let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status: &self.status };
         let resource_index = RESOURCE.index();
@@ -173,7 +174,7 @@ fn a_dispatch_is_its_twin_and_reports_what_did_not_fit() {
         let counted = Counted::new(&context, items).unwrap();
         let mut recorder = context.recorder("dispatch_args").unwrap();
         counted.record(&mut recorder, capacity, per_group);
-        // A second time, with what is clamped by then: the number that was needed stays.
+        // A second time, with the clamped number: the required number stays.
         counted.record(&mut recorder, capacity, per_group);
         recorder.submit().unwrap().wait().unwrap();
         let (count, overflow, groups) = reference::dispatch_args::dispatch_args(items, capacity, per_group);

@@ -1,4 +1,5 @@
-//! Twins in place of kernels: all of them at once, one that is wrong, and one that fails.
+//! Twins that replace stages at run time: each stage in the pipelines that use it, all at once in `glint
+//! verify`, and the handling of a twin that is wrong or fails.
 
 mod common;
 
@@ -81,7 +82,7 @@ fn what_a_twin_cannot_do_is_an_error_of_the_submission() {
     assert_eq!(gpu.counters().twins, before.twins);
 }
 
-/// The stage's time is that on the wall, so that the others keep theirs.
+/// The stage's time is wall-clock time; the other stages keep theirs.
 #[test]
 fn stages_around_a_twin_are_timed() {
     let gpu = with(&[twin("step_done").unwrap()]);

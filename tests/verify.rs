@@ -20,7 +20,7 @@ fn every_stage_passes() {
     println!("{report}");
     assert_eq!(report.broken(), 0, "{report}");
     let seen: BTreeSet<&str> = report.rows.iter().map(|row| row.stage).collect();
-    // One kernel is for devices with float atomics only.
+    // One kernel is only for devices with float atomics.
     let tried = |stage: &str| gpu.info().float_atomics || stage != "blend_backward_atomic";
     assert_eq!(seen, BOUNDS.iter().map(|bound| bound.stage).filter(|stage| tried(stage)).collect());
     let missing: Vec<_> = NAMES.iter().filter(|stage| tried(stage) && !seen.contains(*stage)).collect();
@@ -31,7 +31,8 @@ fn every_stage_passes() {
     assert!(serde_json::to_string(&report).unwrap().contains("\"blend_backward\""));
 }
 
-/// A twin that is off by two thousandths, by one bit, or by two pixels where its results are sets, breaks a bound in every row: none is so wide that it holds anything.
+/// A twin that is off by two thousandths, by one bit, or (for results that are sets) by two pixels, violates
+/// a bound in every row: no bound is loose enough to hide it.
 #[test]
 fn a_fault_in_every_stage_is_seen_in_every_row() {
     let judged = glint(&["--quick", "--json", "--perturb", "2e-3"]);
@@ -46,7 +47,7 @@ fn a_fault_in_every_stage_is_seen_in_every_row() {
 
 fn glint(arguments: &[&str]) -> std::process::Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_glint"));
-    // All stages in all variants, on two cores that another test uses too.
+    // All stages in all variants, on two cores shared with another test.
     run::run_within(Duration::from_secs(900), command.arg("verify").args(arguments))
 }
 
@@ -62,7 +63,8 @@ fn the_command_says_the_same() {
     assert!(json["rows"].as_array().unwrap().iter().all(|row| row["breaches"] == serde_json::json!([])), "{json}");
 }
 
-/// The first steps on a dataset have a row for each stage of training, and a fault breaks every one of them.
+/// The first steps on a dataset have a row for each stage of training, and a fault violates a bound in every
+/// one of them.
 #[test]
 fn training_on_a_dataset_is_verified() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,6 @@
-//! `glint view` as somebody at a desk meets it: an X server without a screen, keys and mouse by its XTEST extension, and pictures
-//! compared with those of `glint render`. Validation layers are on where `GLINT_VALIDATION` is set, and make the viewer fail when
-//! they find anything.
+//! Tests `glint view` with a headless X server: keys and mouse by its XTEST extension, and pictures compared
+//! with those of `glint render`. Validation layers are on if `GLINT_VALIDATION` is set; the viewer then fails
+//! on any message.
 #![cfg(target_os = "linux")]
 
 #[path = "common/run.rs"]
@@ -50,10 +50,10 @@ use x11rb::{
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
-/// Longer than anything takes on two busy cores with the validation layers on.
+/// Longer than any step on two busy cores with the validation layers.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Core events of X11, as XTEST takes them.
+/// Core events of X11 for XTEST.
 const KEY: [u8; 2] = [2, 3];
 const BUTTON: [u8; 2] = [4, 5];
 const MOTION: u8 = 6;
@@ -62,7 +62,7 @@ const MOTION: u8 = 6;
 const SHIFT: u32 = 0xffe1;
 const ESCAPE: u32 = 0xff1b;
 
-/// What must not outlive its test.
+/// A process that must not outlive its test.
 struct Running(Child);
 
 impl Drop for Running {
@@ -94,7 +94,7 @@ fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
 
 impl Display {
     fn new() -> Self {
-        // The server chooses a free number and says it when it is ready.
+        // The server selects a free number and prints it when ready.
         let server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", "400x300x24", "-nolisten", "tcp", "-noreset"])
             .stdin(Stdio::null())
@@ -200,7 +200,7 @@ impl Display {
     }
 }
 
-/// 3 bytes a pixel.
+/// A picture with 3 bytes per pixel.
 #[derive(PartialEq)]
 struct Shot {
     size: [u32; 2],
@@ -213,7 +213,7 @@ impl Shot {
         Shot { size: [image.width(), image.height()], rgb: image.into_raw() }
     }
 
-    /// The largest difference of a byte, and how many bytes differ.
+    /// The largest difference of a byte, and the number of bytes that differ.
     #[track_caller]
     fn from(&self, other: &Shot) -> (u8, usize) {
         assert_eq!(self.size, other.size);
@@ -222,7 +222,7 @@ impl Shot {
     }
 }
 
-/// A viewer on a display, in its folder.
+/// A viewer on a display, in its own folder.
 struct Viewer<'a> {
     display: &'a Display,
     folder: &'a Path,
@@ -240,7 +240,7 @@ impl<'a> Viewer<'a> {
             let windows = display.client.query_tree(display.root).unwrap().reply().unwrap().children;
             windows.into_iter().find(|&window| display.title(window).contains(" | "))
         });
-        // There is no window manager that would give it the keyboard.
+        // No window manager would give it the keyboard focus.
         let client = &display.client;
         client.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).unwrap().check().unwrap();
         Viewer { display, folder, child, window, shots: 0 }
@@ -252,7 +252,7 @@ impl<'a> Viewer<'a> {
         until(&what, || self.display.title(self.window).contains(words).then_some(()));
     }
 
-    /// Presses the key for it. What it wrote is what the window shows.
+    /// Presses the key for a picture; the file must show the window's contents.
     #[track_caller]
     fn shot(&mut self, name: &str) -> Shot {
         self.shots += 1;
@@ -265,14 +265,14 @@ impl<'a> Viewer<'a> {
             let client = &self.display.client;
             let image = client.get_image(ImageFormat::Z_PIXMAP, self.window, 0, 0, width, height, !0).unwrap();
             let data = image.reply().ok()?.data;
-            // B, G, R and a byte without meaning.
+            // B, G, R and an unused byte.
             (data.chunks_exact(4).flat_map(|p| [p[2], p[1], p[0]]).eq(shot.rgb.iter().copied())).then_some(())
         };
         until("picture in the window that is the screenshot", on_screen);
         shot
     }
 
-    /// Ends it by its key; its lines.
+    /// Ends the viewer by its key; returns its output lines.
     fn quit(mut self) -> Vec<String> {
         self.display.key(ESCAPE, Duration::ZERO);
         let status = until("end", || self.child.0.try_wait().unwrap());
@@ -289,7 +289,8 @@ fn glint(folder: &Path, arguments: &str) -> Command {
     command
 }
 
-/// On a circle of radius 5 around the origin at a turn in radians, looking at it. The built-in scene has z up.
+/// A camera on a circle of radius 5 around the origin, at an angle in radians, looking at it. The built-in
+/// scene has z up.
 fn camera(turn: f64) -> Camera {
     let eye = DVec3::new(5.0 * turn.sin(), -5.0 * turn.cos(), 1.5);
     let forward = -eye.normalize();
@@ -318,7 +319,7 @@ fn work() -> (TempDir, Scene) {
         images += &format!("{} {pose} 1 {name}\n\n", i + 1);
     }
     fs::write(data.join("sparse/0/images.txt"), images).unwrap();
-    // Gaussians of the right size before the cameras: those of the sample are made for another camera.
+    // Gaussians of suitable size in front of the cameras: the sample's are made for another camera.
     let sample = |seed| {
         let mut scene = random_scene(seed, 400, 200, 2);
         let supplement = scene.supplement.as_mut().unwrap();
@@ -350,23 +351,23 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let folder = work.path();
     let display = Display::new();
     let mut viewer = Viewer::new(&display, folder, "view scene.ply data");
-    // The first photograph is the test photograph, and its size the window's.
+    // The first photograph is for testing, and its size is the window's.
     viewer.says("scene | augmented | orbit | a.png");
     viewer.says("400 + 200 Gaussians");
-    // The memory is that of the scene and of what draws it in a window of this size, as both are planned.
+    // The memory is the planned size of the scene and of its renderer for a window of this size.
     let context = Context::new(&ContextOptions::from_env()).unwrap();
     let mut needs = Needs::of_scene(&scene, false);
-    // Diffuse is the base without bands.
+    // The diffuse mode is the base without bands.
     needs.degrees.push(0);
     let frames =
         Limits { texel: Texel::Rgba8, ..Limits::for_needs(needs, WIDTH, HEIGHT) }.plan(context.info()).unwrap();
     let planned = (Model::plan(context.info(), &scene, Room::default()).bytes() + frames.bytes()) as f64 / 1e6;
     let title = display.title(viewer.window);
     let said = title.split(" | ").find_map(|part| part.strip_suffix(" MB")?.parse::<f64>().ok());
-    // One decimal is said; reports and what stands for unused bindings are a few KB.
+    // Printed with one decimal; reports and placeholders of unused bindings are a few KB.
     assert!(planned > 0.5 && said.is_some_and(|mb| (mb - planned).abs() < 0.06), "{planned} MB planned: {title}");
 
-    // The photographs' cameras, one after the other and round, in all modes.
+    // Cycles through the photographs' cameras, in all modes.
     display.press('p');
     viewer.says("| c.png");
     display.press('p');
@@ -385,8 +386,8 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
         viewer.says(&format!("| {name} |"));
         let shot = viewer.shot("scene");
         let expected = Shot::read(&rendered(folder, &format!("{arguments} --split all")).join("b.png"));
-        // The same kernels on the same device give the same bits. Only a depth is rounded once more on its way through its
-        // reciprocal: its grey may be the next byte where it lies between two.
+        // The same kernels on the same device give the same bits. Only a depth is rounded once more, by its
+        // reciprocal: its grey may be the next byte if it is between two.
         let (most, count) = shot.from(&expected);
         let (steps, bytes) = if name == "depth" { (1, shot.rgb.len() / 500) } else { (0, 0) };
         assert!(most <= steps && count <= bytes, "{name}: {most}, {count} of {}", shot.rgb.len());
@@ -404,7 +405,7 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let mut render = |camera: &Camera| layers.render(Layer::Whole, camera, [0.0; 3]).unwrap().color;
     let map = Shot { size: photo.size, rgb: error_map(&render(&camera(0.2)), &photo.rgb) };
     assert_eq!(viewer.shot("scene").from(&map), (0, 0));
-    // In flight the wheel changes the speed alone: the camera stays that of the photograph.
+    // In flight the wheel only changes the speed: the camera stays at the photograph's.
     for (key, name) in [('f', "fly"), ('g', "walk")] {
         display.press(key);
         viewer.says(&format!("| error | {name} | b.png"));
@@ -413,7 +414,7 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
         viewer.says("| error | orbit | b.png");
     }
 
-    // Away from the photograph: the error of what is seen now is nobody's. Poses are kept on the way.
+    // Away from the photograph there is no error to show. Poses are recorded on the way.
     let mut on_the_way = Vec::new();
     let pose = |viewer: &mut Viewer<'_>, n: usize| {
         display.press('k');
@@ -446,15 +447,15 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let frames = rendered(folder, "scene.ply --path scene-path-1.json --frames 3");
     for (i, shot) in on_the_way.iter().enumerate() {
         let (most, count) = shot.from(&Shot::read(&frames.join(format!("frame-{:05}.png", i + 1))));
-        // The pose is written as a quaternion, whose rotation differs in float64's last bits, and the coordinates may count from
-        // another origin: float32 is rounded otherwise, and a byte may be the next.
+        // The pose is written as a quaternion, whose rotation differs in float64's last bits, and coordinates
+        // may have another origin: float32 rounds differently, and a byte may be the next.
         assert!(most <= 1 && count <= shot.rgb.len() / 500, "pose {i}: {most}, {count}");
         assert!(!shots.contains(shot) && !on_the_way[..i].contains(shot));
     }
     let path = CameraPath::read(folder.join("scene-path-1.json")).unwrap().frames(3);
     let eyes = [path[0].eye(), path[1].eye(), path[2].eye()];
-    // The wheel went nearer to what the cameras look at, near the origin, and walking kept the height. winit 0.30 takes a wheel of
-    // buttons alone, as XTEST's is, for two notches: one when it is pressed, one when it is let go.
+    // The wheel went closer to the cameras' target, near the origin, and walking kept the height. winit 0.30
+    // counts a wheel made only of buttons, like XTEST's, as two notches: one on press, one on release.
     let nearer = camera(0.2).eye().length() / eyes[0].length();
     assert!((nearer / 1.15 - 1.0).abs() < 0.05 || (nearer / 1.15 / 1.15 - 1.0).abs() < 0.05, "{eyes:?}");
     assert!(eyes[1].distance(eyes[0]) > 0.01 && eyes[2].distance(eyes[1]) > 0.01);
@@ -471,7 +472,7 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     let expected = Shot { size: [210, 160], rgb: render(&at).iter().map(|&v| glint::data::to_byte(v)).collect() };
     assert_eq!(viewer.shot("scene").from(&expected), (0, 0));
 
-    // What is dropped takes the scene's place, unless it is none.
+    // A dropped file replaces the scene, unless it is not a scene.
     display.press('t');
     viewer.says(" ms (");
     display.drop_file(viewer.window, &folder.join("bad.ply"));
@@ -499,7 +500,7 @@ fn a_scene_without_a_dataset_is_seen_whole() {
     let shot = viewer.shot("scene");
     assert_eq!(shot.size, [120, 90]);
     let pixel = |x: usize, y: usize| &shot.rgb[3 * (120 * y + x)..][..3];
-    // Gaussians in the middle, and little but background in a corner.
+    // Gaussians in the middle, and mostly background in a corner.
     assert!(pixel(60, 45).iter().any(|v| *v < 200) && pixel(0, 0).iter().all(|v| *v > 200));
     assert_eq!(viewer.quit(), ["./scene-0001.png"]);
 }
@@ -509,7 +510,7 @@ fn a_scene_that_learns_is_seen_and_learns_the_same() {
     let (work, _) = work();
     let folder = work.path();
     let display = Display::new();
-    // The bits without a window are those with one, whether it is closed on the way or not.
+    // Runs with and without a window give the same bits, even if the window is closed on the way.
     for (name, closed, command) in
         [("base", true, "train data --iterations 200 --points 200"), ("more", false, "enhance data --base base.ply")]
     {
@@ -525,7 +526,7 @@ fn a_scene_that_learns_is_seen_and_learns_the_same() {
             let (width, height) = (WIDTH as u16, HEIGHT as u16);
             let image = display.client.get_image(ImageFormat::Z_PIXMAP, window, 0, 0, width, height, !0);
             let data = image.unwrap().reply().ok()?.data;
-            // Of the scene, whose middle has many colours, before a background of one.
+            // The scene's middle has many colours; the background has one.
             let mut colours: Vec<[u8; 3]> = data.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
             colours.sort_unstable();
             colours.dedup();

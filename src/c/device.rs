@@ -1,4 +1,4 @@
-//! Requirements, devices and contexts.
+//! C functions for requirements, devices and contexts.
 
 use std::{
     ffi::{CStr, CString, c_char, c_void},
@@ -17,13 +17,13 @@ use crate::{
     gpu::{BorrowedDevice, Context, ContextOptions, Feature, FeatureChain, Memory, QueueLock},
 };
 
-/// Name `index` of the device extensions that a device must be made with; null beyond the last.
+/// Name `index` of the required device extensions; null beyond the last.
 #[unsafe(no_mangle)]
 pub extern "C" fn glint_required_extension(index: u32) -> *const c_char {
     Context::requirements().extensions.get(index as usize).map_or(ptr::null(), |name| name.as_ptr())
 }
 
-/// Name `index` of the limits that a device must allow, as Vulkan has it, and how much; null beyond the last.
+/// Vulkan's name of required limit `index`, and its least value; null beyond the last.
 ///
 /// # Safety
 /// `least` is null or writable.
@@ -40,10 +40,10 @@ pub unsafe extern "C" fn glint_required_limit(index: u32, least: *mut u32) -> *c
     name.as_ptr()
 }
 
-/// What a device must have beside extensions, features and limits.
+/// Required API version and subgroup properties of a device.
 ///
 /// # Safety
-/// A writable structure that has its size.
+/// `out` is a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_required(out: *mut glint_requirements) -> i32 {
     guarded(|| {
@@ -57,7 +57,7 @@ pub unsafe extern "C" fn glint_required(out: *mut glint_requirements) -> i32 {
     })
 }
 
-/// Name `index` of the features that a device may be made with, and the extension that it comes with, or null; null beyond the last.
+/// Name `index` of the optional features, and the extension to enable with it, or null; null beyond the last.
 ///
 /// # Safety
 /// `extension` is null or writable.
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn glint_optional_feature(index: u32, extension: *mut *con
     name.as_ptr()
 }
 
-/// Name `index` of the features that a device must be made with; null beyond the last.
+/// Name `index` of the required features; null beyond the last.
 #[unsafe(no_mangle)]
 pub extern "C" fn glint_required_feature(index: u32) -> *const c_char {
     static NAMES: OnceLock<Vec<CString>> = OnceLock::new();
@@ -88,17 +88,18 @@ pub(super) fn feature_name(feature: Feature) -> CString {
     CString::new(feature.name()).unwrap_or_default()
 }
 
-/// Bit k is optional feature k.
+/// The optional features whose bits are set: bit k is optional feature k.
 fn optional(bits: u32) -> impl Iterator<Item = Feature> {
     let all = Context::requirements().optional.into_iter().enumerate();
     all.filter(move |(k, _)| bits >> k & 1 != 0).map(|(_, feature)| feature)
 }
 
-/// The features that a device must be made with, and of the optional ones those of these bits: a chain that begins with
+/// The required features and the optional ones of these bits: a chain that starts with
 /// VkPhysicalDeviceFeatures2, for VkDeviceCreateInfo::pNext. It is never freed.
 #[unsafe(no_mangle)]
 pub extern "C" fn glint_feature_chain(bits: u32) -> *const c_void {
-    // Of a chain each structure points to the next, so it must not move; one is made for a device, so what leaks is little.
+    // Structures of a chain point to each other and must not move. Leaking is acceptable, as there is one
+    // chain per device.
     let features = Context::requirements().features.into_iter().chain(optional(bits));
     let chain = Box::leak(Box::new(FeatureChain::new(features)));
     let first: &'static vk::PhysicalDeviceFeatures2<'static> = Box::leak(Box::new(chain.link()));
@@ -106,7 +107,7 @@ pub extern "C" fn glint_feature_chain(bits: u32) -> *const c_void {
 }
 
 /// # Safety
-/// A live instance and its loader.
+/// A live instance, and its loader.
 unsafe fn instance_of(
     get_instance_proc_addr: Option<vk::PFN_vkGetInstanceProcAddr>,
     instance: *mut c_void,
@@ -124,7 +125,7 @@ unsafe fn instance_of(
 }
 
 /// # Safety
-/// A live instance and its loader, `wanted` null or a string, and writable places.
+/// A live instance, and its loader; `wanted` is null or a string; the outputs are writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_device_choose(
     get_instance_proc_addr: Option<vk::PFN_vkGetInstanceProcAddr>,
@@ -154,10 +155,10 @@ pub unsafe extern "C" fn glint_device_choose(
     })
 }
 
-/// What a physical device is to glint, before a device is made of it.
+/// Describes a physical device for plans of memory, before a device is made.
 ///
 /// # Safety
-/// A live instance, its loader and a physical device of it; `out` is null or writable.
+/// A live instance, its loader, and one of its physical devices; `out` is null or writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_describe(
     get_instance_proc_addr: Option<vk::PFN_vkGetInstanceProcAddr>,
@@ -179,7 +180,7 @@ pub unsafe extern "C" fn glint_describe(
 }
 
 /// # Safety
-/// Null, or a handle that is not used again.
+/// Null, or a live handle that is not used again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_physical_destroy(physical: *mut glint_physical) {
     // SAFETY: by the contract above.
@@ -187,7 +188,7 @@ pub unsafe extern "C" fn glint_physical_destroy(physical: *mut glint_physical) {
 }
 
 /// # Safety
-/// As for [`Context::borrow`]; `device` and `out` point to what they say.
+/// The contract of [`Context::borrow`]; `device` and `out` point to valid structures.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_context_create(device: *const glint_device, out: *mut *mut glint_context) -> i32 {
     guarded(|| {
@@ -230,7 +231,7 @@ pub unsafe extern "C" fn glint_context_create(device: *const glint_device, out: 
     })
 }
 
-/// What is called with the queue's lock; the caller says that any thread may.
+/// Argument of the queue's lock functions; the caller promises that any thread may call these.
 struct User(*mut c_void);
 
 // SAFETY: the caller's functions are called from whatever thread submits, as the header says.
@@ -240,7 +241,7 @@ unsafe impl Send for User {}
 unsafe impl Sync for User {}
 
 /// # Safety
-/// Null, or a handle that is not used again. What was made from it keeps what it needs.
+/// Null, or a live handle that is not used again. Objects made from it keep the parts they need.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_context_destroy(context: *mut glint_context) {
     // SAFETY: by the contract above.
@@ -248,7 +249,7 @@ pub unsafe extern "C" fn glint_context_destroy(context: *mut glint_context) {
 }
 
 /// # Safety
-/// A live handle, and a writable structure that has its size.
+/// A live handle, and a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_context_memory(context: *const glint_context, out: *mut glint_memory) -> i32 {
     guarded(|| {
@@ -261,10 +262,10 @@ pub unsafe extern "C" fn glint_context_memory(context: *const glint_context, out
     })
 }
 
-/// Pipeline `index` of those that a context has made; 2 beyond the last.
+/// Pipeline `index` among those that a context has made; returns 2 beyond the last.
 ///
 /// # Safety
-/// A live handle, and a writable structure that has its size.
+/// A live handle, and a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_context_pipeline(
     context: *const glint_context,

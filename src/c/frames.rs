@@ -1,4 +1,4 @@
-//! Limits and frames.
+//! C functions for limits and frames.
 
 use std::ffi::c_void;
 
@@ -17,10 +17,10 @@ use crate::{
     },
 };
 
-/// Limits for one view and one instance of all of a scene, before there is a model of it.
+/// Limits for one view and one instance of a whole scene, before it is uploaded.
 ///
 /// # Safety
-/// Live handles, and a writable structure that has its size.
+/// Live handles, and a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_limits_for(
     scene: *const glint_scene,
@@ -38,10 +38,10 @@ pub unsafe extern "C" fn glint_limits_for(
     })
 }
 
-/// Limits for one view and one instance of all of a model.
+/// Limits for one view and one instance of a whole model.
 ///
 /// # Safety
-/// Live handles, and a writable structure that has its size.
+/// Live handles, and a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_limits_of(
     model: *const glint_model,
@@ -77,7 +77,8 @@ pub unsafe extern "C" fn glint_frames_create(
     })
 }
 
-/// Device memory that frames of these limits take beside their models, bytes; 0 where the limits make no sense.
+/// Bytes of device memory that frames with these limits take, not counting their models; 0 if the limits are
+/// invalid.
 ///
 /// # Safety
 /// Live handles.
@@ -88,7 +89,7 @@ pub unsafe extern "C" fn glint_frames_bytes(physical: *const glint_physical, lim
 }
 
 /// # Safety
-/// As for [`Frames::record`]; the lists have the lengths that the frame says.
+/// The contract of [`Frames::record`]; the lists have the lengths given in the frame.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_frames_record(
     frames: *mut glint_frames,
@@ -105,7 +106,7 @@ pub unsafe extern "C" fn glint_frames_record(
             for view in list(f.views, f.view_count, "views")? {
                 views.push(FrameView::try_from(sized(view, "a view")?)?);
             }
-            // More than there is room for are refused below, as one too many.
+            // A fixed array, since recording must not allocate.
             let mut placed: [Option<Instance<'_>>; INSTANCES] = [None; INSTANCES];
             if instances.len() > INSTANCES {
                 let count = instances.len();
@@ -115,7 +116,7 @@ pub unsafe extern "C" fn glint_frames_record(
                 let from = sized(from, "an instance")?;
                 *to = Some(from.instance(&of(from.model, "an instance's model")?.0)?);
             }
-            // The first fills what is left, as a list needs something there.
+            // The first instance also fills the unused entries.
             let Some(first) = placed[0] else {
                 let frame = Frame { slot: f.slot, instances: &[], views };
                 return frames.record(vk::CommandBuffer::from_raw(commands as u64), &frame);
@@ -127,14 +128,14 @@ pub unsafe extern "C" fn glint_frames_record(
     })
 }
 
-/// Instances of a frame at most, through this interface.
+/// Maximum number of instances per frame in this interface.
 const INSTANCES: usize = 64;
 
-/// Views that memory is taken for in advance.
+/// Number of views that memory is reserved for in advance.
 const MOST_VIEWS: u32 = 4096;
 
 /// # Safety
-/// A live handle, and a writable structure that has its size; the slot's commands have run.
+/// A live handle, and a writable structure with its size set; the slot's commands have run.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_frames_report(frames: *const glint_frames, slot: u32, out: *mut glint_report) -> i32 {
     guarded(|| {
@@ -188,7 +189,7 @@ pub unsafe extern "C" fn glint_frames_reserve(frames: *mut glint_frames, interse
     })
 }
 
-/// Intersections that fit; 0 where the handle is null.
+/// Number of intersections that fit; 0 if the handle is null.
 ///
 /// # Safety
 /// A live handle.
@@ -198,10 +199,10 @@ pub unsafe extern "C" fn glint_frames_capacity(frames: *const glint_frames) -> u
     unsafe { frames.as_ref() }.map_or(0, |f| f.frames.capacity())
 }
 
-/// Working buffer `index` of frames; 2 beyond the last.
+/// Working buffer `index` of frames; returns 2 beyond the last.
 ///
 /// # Safety
-/// A live handle, and a writable structure that has its size.
+/// A live handle, and a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_frames_buffer(frames: *const glint_frames, index: u32, out: *mut glint_buffer) -> i32 {
     // SAFETY: by the contract above.
@@ -209,7 +210,7 @@ pub unsafe extern "C" fn glint_frames_buffer(frames: *const glint_frames, index:
 }
 
 /// # Safety
-/// Null, or a handle that is not used again. All its slots' commands have run.
+/// Null, or a live handle that is not used again. All its slots' commands have run.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_frames_destroy(frames: *mut glint_frames) {
     // SAFETY: by the contract above.

@@ -1,4 +1,4 @@
-//! The kernels as data.
+//! C function that returns the kernels: SPIR-V and interfaces.
 
 use std::{
     ffi::{CString, c_char},
@@ -8,16 +8,16 @@ use std::{
 use super::{device::feature_name, fill, glint_binding, glint_constant, glint_kernel_info, guarded, size};
 use crate::{Error, gpu::KernelInfo, stages::ALL};
 
-/// A kernel's, as the header has them.
+/// A kernel's interface in the header's types.
 struct Interface {
     bindings: Vec<glint_binding>,
     constants: Vec<glint_constant>,
     features: Vec<*const c_char>,
-    /// What `features` points to.
+    /// Owns the strings that `features` points to.
     _names: Vec<CString>,
 }
 
-/// Of all kernels.
+/// The interfaces of all kernels.
 struct Interfaces(Vec<Interface>);
 
 // SAFETY: the names in it are constants of the program, or lie in it and never change.
@@ -26,10 +26,11 @@ unsafe impl Send for Interfaces {}
 // SAFETY: as above.
 unsafe impl Sync for Interfaces {}
 
-/// Kernel `index` of all: its SPIR-V and its interface, which live as long as the library. Returns 2 beyond the last.
+/// Kernel `index`: its SPIR-V and its interface, which live as long as the library. Returns 2 beyond the
+/// last.
 ///
 /// # Safety
-/// A writable structure that has its size.
+/// `out` is a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_kernel(index: u32, out: *mut glint_kernel_info) -> i32 {
     static INTERFACES: OnceLock<Interfaces> = OnceLock::new();

@@ -1,8 +1,9 @@
-//! The C interface: `glint.h`, function by function. A shared or static library of it comes from `tools/c-library`.
+//! The C interface: the functions of `glint.h`. `tools/c-library` builds it as a shared and a static library.
 //!
-//! Every function returns 0, or a code: 1 for what the machine could not do, 2 for what it was given. [`glint_last_error`] then says
-//! what, for the thread that asked. No panic leaves a function. Handles are made and destroyed by functions of one name; a null handle
-//! is refused, and destroying one does nothing. A structure that may grow begins with its size, by which one of another header is refused.
+//! Every function returns 0, or an error code: 1 if the machine failed, 2 for invalid arguments.
+//! [`glint_last_error`] then returns the message for the calling thread. No panic leaves a function.
+//! Functions of one name make and destroy a handle; a null handle is refused, and destroying one does
+//! nothing. An extensible structure starts with its size, so that one from another header version is refused.
 
 mod device;
 mod frames;
@@ -31,7 +32,7 @@ thread_local! {
     static LAST: RefCell<CString> = RefCell::default();
 }
 
-/// Runs `act`; what goes wrong is kept for [`glint_last_error`].
+/// Runs `act`; stores an error for [`glint_last_error`].
 fn guarded(act: impl FnOnce() -> Result<()>) -> i32 {
     let (code, message) = match catch_unwind(AssertUnwindSafe(act)) {
         Ok(Ok(())) => return 0,
@@ -42,7 +43,7 @@ fn guarded(act: impl FnOnce() -> Result<()>) -> i32 {
     code
 }
 
-/// Keeps a message for [`glint_last_error`].
+/// Stores a message for [`glint_last_error`].
 fn say(message: String) {
     let text: Vec<u8> = message.into_bytes().into_iter().filter(|&byte| byte != 0).collect();
     LAST.with_borrow_mut(|last| *last = CString::new(text).unwrap_or_default());
@@ -59,10 +60,10 @@ unsafe fn of<'a, T>(handle: *const T, what: &str) -> Result<&'a T> {
     unsafe { handle.as_ref() }.ok_or_else(|| null(what))
 }
 
-/// A structure that begins with its size.
+/// Checks a structure that starts with its size.
 ///
 /// # Safety
-/// `from` is null or points to one of as many bytes as it says.
+/// `from` is null or points to a structure of the size it states.
 unsafe fn sized<'a, T>(from: *const T, what: &str) -> Result<&'a T> {
     // SAFETY: by the contract above the size is there, and with it the rest.
     unsafe {
@@ -79,10 +80,10 @@ unsafe fn sized<'a, T>(from: *const T, what: &str) -> Result<&'a T> {
     }
 }
 
-/// Fills such a structure.
+/// Fills a structure that starts with its size.
 ///
 /// # Safety
-/// As for [`sized`], and writable.
+/// The contract of [`sized`]; `to` is writable.
 unsafe fn fill<T>(to: *mut T, what: &str, value: T) -> Result<()> {
     // SAFETY: by the contract above.
     unsafe {
@@ -92,7 +93,7 @@ unsafe fn fill<T>(to: *mut T, what: &str, value: T) -> Result<()> {
     Ok(())
 }
 
-/// `size` of a structure.
+/// The value of a structure's `size`.
 const fn size<T>() -> u32 {
     size_of::<T>() as u32
 }
@@ -129,19 +130,19 @@ unsafe fn list<'a, T>(list: *const T, count: u32, what: &str) -> Result<&'a [T]>
     }
 }
 
-/// The version of the header: functions and structures of one number fit.
+/// Version of the header; functions and structures of the same version match.
 #[unsafe(no_mangle)]
 pub extern "C" fn glint_version() -> u32 {
     GLINT_VERSION
 }
 
-/// What went wrong last in this thread, until the next function that fails.
+/// The last error message of this thread, valid until the next function that fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn glint_last_error() -> *const c_char {
     LAST.with_borrow(|last| last.as_ptr())
 }
 
-/// What `plan` says; 0 where it fails.
+/// The bytes of a plan; 0 if it fails.
 fn bytes(plan: impl FnOnce() -> Result<u64>) -> u64 {
     let mut bytes = 0;
     guarded(|| {
@@ -152,7 +153,7 @@ fn bytes(plan: impl FnOnce() -> Result<u64>) -> u64 {
 }
 
 /// # Safety
-/// `out` is null or writable, and has its size.
+/// `out` is null, or writable with its size set.
 unsafe fn put_held(held: &[Held], index: u32, out: *mut glint_buffer) -> Result<()> {
     let found = held.get(index as usize);
     let held = found.ok_or_else(|| Error::Usage(format!("there are {} buffers, not number {index}", held.len())))?;

@@ -1,4 +1,4 @@
-//! Scenes, and models on their way to the device and there.
+//! C functions for scenes, uploads and models.
 
 use std::{
     ffi::{CStr, c_char, c_void},
@@ -22,7 +22,7 @@ use crate::{
 };
 
 /// # Safety
-/// `path` is a string of UTF-8.
+/// `path` is a UTF-8 string.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_scene_read(path: *const c_char, out: *mut *mut glint_scene) -> i32 {
     guarded(|| {
@@ -33,10 +33,11 @@ pub unsafe extern "C" fn glint_scene_read(path: *const c_char, out: *mut *mut gl
     })
 }
 
-/// Reads what is sound; `dropped` becomes how many Gaussians were not, and `glint_last_error` says what was wrong with the first.
+/// Reads a scene without its invalid Gaussians. `dropped` receives their number, and `glint_last_error`
+/// describes the first.
 ///
 /// # Safety
-/// `path` is a string of UTF-8, `dropped` null or writable.
+/// `path` is a UTF-8 string; `dropped` is null or writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_scene_read_lenient(
     path: *const c_char,
@@ -62,7 +63,7 @@ pub unsafe extern "C" fn glint_scene_read_lenient(
 /// Copies a scene from arrays; `supplement` may be null.
 ///
 /// # Safety
-/// Structures that have their size, whose arrays are as long as they say, and a writable place.
+/// Structures with their size set and arrays of the stated length, and a writable output.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_scene_from_arrays(
     base: *const glint_gaussians,
@@ -89,7 +90,7 @@ pub unsafe extern "C" fn glint_scene_from_arrays(
 }
 
 /// # Safety
-/// `bytes` has `len` bytes; `name`, which errors name, is a string of UTF-8.
+/// `bytes` has `len` bytes; `name`, used in errors, is a UTF-8 string.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_scene_parse(
     bytes: *const u8,
@@ -118,7 +119,7 @@ unsafe fn path_of<'a>(path: *const c_char) -> Result<&'a Path> {
 }
 
 /// # Safety
-/// A live handle, and a writable structure that has its size.
+/// A live handle, and a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_scene_info(scene: *const glint_scene, out: *mut glint_scene_counts) -> i32 {
     guarded(|| {
@@ -136,7 +137,7 @@ pub unsafe extern "C" fn glint_scene_info(scene: *const glint_scene, out: *mut g
 }
 
 /// # Safety
-/// Null, or a handle that is not used again.
+/// Null, or a live handle that is not used again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_scene_destroy(scene: *mut glint_scene) {
     // SAFETY: by the contract above.
@@ -147,7 +148,7 @@ fn room(half: u32) -> Room {
     Room { half: half != 0, ..Default::default() }
 }
 
-/// Device memory that a model of the scene will take, bytes; 0 where a handle is null.
+/// Bytes of device memory that a model of the scene will take; 0 if a handle is null.
 ///
 /// # Safety
 /// Live handles.
@@ -161,7 +162,7 @@ pub unsafe extern "C" fn glint_upload_bytes(
     bytes(|| unsafe { Ok(Model::plan(&of(physical, "physical")?.0, &of(scene, "scene")?.0, room(half)).bytes()) })
 }
 
-/// Host memory that the scene's upload will take until it is loaded, bytes; 0 where a handle is null.
+/// Bytes of host memory that the scene's upload will take until it is loaded; 0 if a handle is null.
 ///
 /// # Safety
 /// Live handles.
@@ -198,7 +199,7 @@ pub unsafe extern "C" fn glint_upload_create(
 }
 
 /// # Safety
-/// As for [`Recorder::borrow`].
+/// The contract of [`Recorder::borrow`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_upload_record(upload: *mut glint_upload, commands: *mut c_void) -> i32 {
     guarded(|| {
@@ -218,7 +219,7 @@ pub unsafe extern "C" fn glint_upload_record(upload: *mut glint_upload, commands
 }
 
 /// # Safety
-/// A live handle, which is gone after this unless it fails.
+/// A live handle; it is consumed unless the function fails.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_upload_finish(upload: *mut glint_upload, out: *mut *mut glint_model) -> i32 {
     guarded(|| {
@@ -236,7 +237,7 @@ pub unsafe extern "C" fn glint_upload_finish(upload: *mut glint_upload, out: *mu
 }
 
 /// # Safety
-/// Null, or a handle that is not used again. Its commands have run.
+/// Null, or a live handle that is not used again. Its commands have run.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_upload_destroy(upload: *mut glint_upload) {
     // SAFETY: by the contract above.
@@ -244,27 +245,28 @@ pub unsafe extern "C" fn glint_upload_destroy(upload: *mut glint_upload) {
 }
 
 /// # Safety
-/// Null, or a handle that is not used again. No frame in flight shows it but through slots that are recorded anew before they are gone.
+/// Null, or a live handle that is not used again. Frames in flight may still show it, if their slots are
+/// recorded again before being destroyed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_model_destroy(model: *mut glint_model) {
     // SAFETY: by the contract above.
     unsafe { destroy(model) };
 }
 
-/// Buffer `index` of a model; 2 beyond the last.
+/// Buffer `index` of a model; returns 2 beyond the last.
 ///
 /// # Safety
-/// A live handle, and a writable structure that has its size.
+/// A live handle, and a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_model_buffer(model: *const glint_model, index: u32, out: *mut glint_buffer) -> i32 {
     // SAFETY: by the contract above.
     guarded(|| unsafe { put_held(&of(model, "model")?.0.held(), index, out) })
 }
 
-/// How many Gaussians a model has of each segment, and how many numbers it takes in a frame.
+/// Numbers of Gaussians in each segment of a model, and the range of ids that it takes in a frame.
 ///
 /// # Safety
-/// A live handle, and a writable structure that has its size.
+/// A live handle, and a writable structure with its size set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn glint_model_info(model: *const glint_model, out: *mut glint_model_counts) -> i32 {
     guarded(|| {

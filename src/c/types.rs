@@ -1,4 +1,4 @@
-//! The structures of `glint.h`, in its order, and what they are in Rust.
+//! The structures of `glint.h`, in its order, and their conversions to Rust types.
 
 #![allow(non_camel_case_types, reason = "the names of the header")]
 
@@ -26,19 +26,19 @@ use crate::{
     },
 };
 
-/// Of `glint.h`.
+/// Version of `glint.h`.
 pub const GLINT_VERSION: u32 = 4;
 
 /// A device, see [`Context`].
 pub struct glint_context(pub(super) Context);
 
-/// What is known of a physical device, see [`DeviceInfo`].
+/// Properties of a physical device, see [`DeviceInfo`].
 pub struct glint_physical(pub(super) DeviceInfo);
 
 /// Gaussians on the host, see [`Scene`].
 pub struct glint_scene(pub(super) Scene);
 
-/// A scene on its way, see [`Upload`].
+/// A scene during its upload, see [`Upload`].
 pub struct glint_upload {
     pub(super) upload: Upload,
     pub(super) context: Context,
@@ -48,43 +48,43 @@ pub struct glint_upload {
 /// Gaussians on the device, see [`Model`].
 pub struct glint_model(pub(super) Model);
 
-/// See [`Frames`].
+/// Frames of a renderer, see [`Frames`].
 pub struct glint_frames {
     pub(super) frames: Frames,
-    /// Memory for the views of a frame.
+    /// Preallocated memory for the views of a frame.
     pub(super) views: Vec<FrameView>,
 }
 
-/// The caller's device.
+/// The caller's Vulkan device.
 #[repr(C)]
 pub struct glint_device {
     /// sizeof(glint_device).
     pub size: u32,
-    /// Of `queue`; it must take compute.
+    /// Queue family of `queue`; must support compute.
     pub queue_family: u32,
-    /// The loader's.
+    /// The loader's vkGetInstanceProcAddr.
     pub get_instance_proc_addr: Option<vk::PFN_vkGetInstanceProcAddr>,
     /// VkInstance.
     pub instance: *mut c_void,
     /// VkPhysicalDevice.
     pub physical_device: *mut c_void,
-    /// VkDevice, made with what `glint_required_*` say.
+    /// VkDevice, made with everything that `glint_required_*` demand.
     pub device: *mut c_void,
     /// VkQueue.
     pub queue: *mut c_void,
     /// VkPipelineCache or 0.
     pub pipeline_cache: u64,
-    /// Bytes that glint's buffers may take; 0 for what the device has.
+    /// Maximum bytes of glint's buffers; 0 for the device's memory.
     pub memory_budget: u64,
-    /// Called before and after glint submits, from the thread that does; null where glint alone uses the queue.
+    /// Called before glint submits, from the submitting thread; null if only glint uses the queue.
     pub lock_queue: Option<unsafe extern "C" fn(*mut c_void)>,
-    /// As `lock_queue`.
+    /// Called after glint has submitted; see `lock_queue`.
     pub unlock_queue: Option<unsafe extern "C" fn(*mut c_void)>,
-    /// Given to both.
+    /// Argument of both lock functions.
     pub user: *mut c_void,
-    /// 1: VK_EXT_debug_utils is enabled on the instance, and kernels and buffers are to be named.
+    /// 1: VK_EXT_debug_utils is enabled on the instance; name kernels and buffers.
     pub labels: u32,
-    /// Bits: which of the optional features the device was made with.
+    /// Bits of the optional features that the device was made with.
     pub optional: u32,
 }
 
@@ -93,13 +93,13 @@ pub struct glint_device {
 pub struct glint_requirements {
     /// sizeof(glint_requirements).
     pub size: u32,
-    /// Of Vulkan, at least.
+    /// Minimum version of Vulkan.
     pub api_version: u32,
-    /// VkSubgroupFeatureFlags, in compute.
+    /// VkSubgroupFeatureFlags required in compute.
     pub subgroup_operations: u32,
-    /// Of a subgroup, at least.
+    /// Minimum subgroup size.
     pub least_lanes: u32,
-    /// Of a subgroup, at most.
+    /// Maximum subgroup size.
     pub most_lanes: u32,
 }
 
@@ -110,11 +110,11 @@ pub struct glint_memory {
     pub size: u32,
     /// 0.
     pub reserved: u32,
-    /// Bytes that the context's buffers have.
+    /// Bytes used by the context's buffers.
     pub used: u64,
-    /// Bytes that they may have together.
+    /// Maximum bytes of all buffers together.
     pub budget: u64,
-    /// Bytes that were taken of the device for them.
+    /// Bytes allocated from the device for the buffers.
     pub taken: u64,
 }
 
@@ -129,11 +129,11 @@ pub struct glint_buffer {
     pub buffer: u64,
     /// Bytes.
     pub bytes: u64,
-    /// Ends with a 0.
+    /// Null-terminated.
     pub name: [c_char; 32],
 }
 
-/// What a scene has.
+/// Contents of a scene.
 #[repr(C)]
 pub struct glint_scene_counts {
     /// sizeof(glint_scene_counts).
@@ -142,7 +142,7 @@ pub struct glint_scene_counts {
     pub base: u32,
     /// Gaussians with lobes.
     pub supplement: u32,
-    /// Of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
+    /// Degree of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
 }
 
@@ -151,34 +151,34 @@ pub struct glint_scene_counts {
 pub struct glint_gaussians {
     /// sizeof(glint_gaussians).
     pub size: u32,
-    /// Gaussians.
+    /// Number of Gaussians.
     pub count: u32,
-    /// Of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
+    /// Degree of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
     /// 0.
     pub reserved: u32,
-    /// Three each.
+    /// Three per Gaussian, scene units.
     pub means: *const f32,
-    /// Three each, natural logarithms.
+    /// Three per Gaussian, natural logarithms.
     pub log_scales: *const f32,
-    /// Four each: w, x, y, z.
+    /// Four per Gaussian: w, x, y, z.
     pub rotations: *const f32,
-    /// One each, logits.
+    /// One per Gaussian, logits.
     pub opacities: *const f32,
-    /// Three for each coefficient.
+    /// Three per coefficient.
     pub sh: *const f32,
-    /// Three each; of a base null, as the two that follow.
+    /// Three per Gaussian; null for a base, as are the next two.
     pub lobe_directions: *const f32,
-    /// One each.
+    /// One per Gaussian.
     pub lobe_widths: *const f32,
-    /// One each.
+    /// One per Gaussian.
     pub lobe_sharpness: *const f32,
 }
 
-/// So many values of some floats each.
+/// Copies `count` values, each of several floats.
 ///
 /// # Safety
-/// `from` is null or has them.
+/// `from` is null or has that many values.
 unsafe fn values<T: Pod>(from: *const f32, count: usize, what: &str) -> Result<Vec<T>> {
     match (count, from.is_null()) {
         (0, _) => Ok(Vec::new()),
@@ -190,7 +190,7 @@ unsafe fn values<T: Pod>(from: *const f32, count: usize, what: &str) -> Result<V
 
 impl glint_gaussians {
     /// # Safety
-    /// The arrays are null or have as many values as is said.
+    /// The arrays are null or have the stated number of values.
     pub(super) unsafe fn gaussians(&self) -> Result<Gaussians> {
         let (n, sh_degree) = (self.count as usize, self.sh_degree);
         color::check(sh_degree).map_err(Error::Usage)?;
@@ -208,7 +208,7 @@ impl glint_gaussians {
     }
 
     /// # Safety
-    /// As above.
+    /// The arrays are null or have the stated number of values.
     pub(super) unsafe fn lobes(&self) -> Result<Lobes> {
         let n = self.count as usize;
         // SAFETY: by the contract above.
@@ -222,7 +222,7 @@ impl glint_gaussians {
     }
 }
 
-/// What a model has, to tell whose a number is.
+/// Contents of a model, to map ids to Gaussians.
 #[repr(C)]
 pub struct glint_model_counts {
     /// sizeof(glint_model_counts).
@@ -231,15 +231,15 @@ pub struct glint_model_counts {
     pub base: u32,
     /// Gaussians with lobes.
     pub supplement: u32,
-    /// Numbers that it takes among those of a frame's instances.
+    /// Size of its range among the ids of a frame's instances.
     pub capacity: u32,
-    /// The greatest of both segments, 0 to 3, or [`BETAS`](color::BETAS).
+    /// The higher degree of both segments, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
-    /// 1: it is of half width.
+    /// 1: half width.
     pub half: u32,
 }
 
-/// Constants of a pipeline at most.
+/// Maximum number of a pipeline's constants.
 const CONSTANTS: usize = 16;
 
 /// See [`MadePipeline`].
@@ -247,7 +247,7 @@ const CONSTANTS: usize = 16;
 pub struct glint_pipeline {
     /// sizeof(glint_pipeline).
     pub size: u32,
-    /// Of `constants`.
+    /// Number of entries in `constants`.
     pub constant_count: u32,
     /// VkPipeline.
     pub pipeline: u64,
@@ -255,9 +255,9 @@ pub struct glint_pipeline {
     pub layout: u64,
     /// VkDescriptorSetLayout.
     pub set_layout: u64,
-    /// Ids and values.
+    /// Pairs of id and value.
     pub constants: [[u32; 2]; CONSTANTS],
-    /// The kernel's, ends with a 0.
+    /// Name of the kernel, null-terminated.
     pub kernel: [c_char; 32],
 }
 
@@ -279,7 +279,7 @@ impl From<&MadePipeline> for glint_pipeline {
     }
 }
 
-/// The last stays 0.
+/// Copies a name, truncated so that the last byte stays 0.
 pub(super) fn put_name(to: &mut [c_char; 32], name: &str) {
     to[..31].iter_mut().zip(name.bytes()).for_each(|(to, byte)| *to = byte as c_char);
 }
@@ -289,37 +289,37 @@ pub(super) fn put_name(to: &mut [c_char; 32], name: &str) {
 pub struct glint_limits {
     /// sizeof(glint_limits).
     pub size: u32,
-    /// Pixels of the largest view.
+    /// Width of the largest view, pixels.
     pub width: u32,
-    /// Pixels of the largest view.
+    /// Height of the largest view, pixels.
     pub height: u32,
-    /// Of all instances together.
+    /// Gaussians of all instances together.
     pub gaussians: u32,
-    /// Of a frame, at most 64.
+    /// Instances of a frame, at most 64.
     pub instances: u32,
-    /// Of a frame.
+    /// Views of a frame.
     pub views: u32,
-    /// Slots.
+    /// Number of slots.
     pub in_flight: u32,
-    /// Room for so many; 0 for what `intersection_bytes` says.
+    /// Room for this number of intersections; 0 to use `intersection_bytes`.
     pub intersections: u32,
     /// The widest `glint_texel` of any target.
     pub texel: u32,
-    /// Bits: degree d of harmonics is asked for.
+    /// Bit d: harmonics of degree d are rendered.
     pub degrees: u32,
-    /// Bits: some supplements have or show degree d; 0: no model has one.
+    /// Bit d: supplements have or show degree d; 0: no model has a supplement.
     pub lobe_degrees: u32,
-    /// 1: models are of half width.
+    /// 1: models have half width.
     pub half: u32,
-    /// 1: depths hide Gaussians.
+    /// 1: depths occlude Gaussians.
     pub depth_in: u32,
-    /// 1: depths and ids are asked for.
+    /// 1: enable outputs of depths and ids.
     pub depth_out: u32,
-    /// Not 0: every stage has timestamps.
+    /// Not 0: timestamps for every stage.
     pub timings: u32,
-    /// 1: opacities of small Gaussians are compensated, as Mip-Splatting does.
+    /// 1: compensate opacities of small Gaussians, as in Mip-Splatting.
     pub compensate: u32,
-    /// Room for as many as take so many bytes; 0 for the usual.
+    /// Room for the intersections that fit into this number of bytes; 0 for the default.
     pub intersection_bytes: u64,
 }
 
@@ -394,21 +394,21 @@ fn texel(number: u32) -> Result<Texel> {
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct glint_pixels {
-    /// VkImage; where it is 0, `buffer` is meant, and where that is 0 too nothing.
+    /// VkImage, or 0 to use `buffer`; if both are 0, there are no pixels.
     pub image: u64,
     /// VkBuffer.
     pub buffer: u64,
-    /// Bytes into the buffer.
+    /// Offset into the buffer, bytes.
     pub buffer_offset: u64,
-    /// VkImageLayout at the time: general, or transfer source or destination.
+    /// VkImageLayout at the time of the commands: general, or transfer source or destination.
     pub layout: i32,
-    /// VkFormat that the image was made with.
+    /// VkFormat of the image.
     pub format: i32,
     /// Level of detail.
     pub level: u32,
     /// Array layer.
     pub layer: u32,
-    /// Pixels, of the upper left corner.
+    /// Upper left corner, pixels.
     pub offset: [i32; 2],
 }
 
@@ -437,33 +437,33 @@ impl glint_pixels {
 pub struct glint_view {
     /// sizeof(glint_view).
     pub size: u32,
-    /// Pixels.
+    /// Width, pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height, pixels.
     pub height: u32,
     /// `glint_texel`.
     pub texel: u32,
-    /// World to view, columns first.
+    /// World to view, column-major.
     pub view: [f64; 16],
-    /// View to Vulkan's clip space, columns first.
+    /// View to Vulkan's clip space, column-major.
     pub projection: [f64; 16],
-    /// Distance along the view's axis, scene units of the world; 0 for the projection's own.
+    /// Near distance along the view's axis, scene units of the world; 0 for the projection's near plane.
     pub near: f64,
-    /// Where colours go.
+    /// Colour output.
     pub color: glint_pixels,
-    /// Float32 depths, of what hides Gaussians.
+    /// Float32 depths that occlude Gaussians.
     pub depth_in: glint_pixels,
-    /// Float32 depths, of the Gaussians.
+    /// Output of the Gaussians' float32 depths.
     pub depth_out: glint_pixels,
-    /// u32, of the Gaussians.
+    /// Output of the Gaussians' ids, u32.
     pub ids: glint_pixels,
     /// 1: the target holds linear light.
     pub linear: u32,
     /// `glint_blend`.
     pub blend: u32,
-    /// Factor of the Gaussians' light.
+    /// Factor on the Gaussians' linear light.
     pub exposure: f32,
-    /// sRGB-encoded, of opaque targets.
+    /// Background colour, sRGB-encoded, for GLINT_OPAQUE.
     pub background: [f32; 3],
 }
 
@@ -498,19 +498,19 @@ impl TryFrom<&glint_view> for FrameView {
 pub struct glint_instance {
     /// sizeof(glint_instance).
     pub size: u32,
-    /// Bands of harmonics, at most the model's.
+    /// Bands of harmonics to show, at most the model's.
     pub sh_degree: u32,
     /// 1: without the supplement.
     pub base_only: u32,
     /// 0.
     pub reserved: u32,
-    /// Any number of instances may be of one model.
+    /// Several instances may share a model.
     pub model: *const glint_model,
-    /// x, y, z, w, of unit length.
+    /// Unit quaternion x, y, z, w.
     pub rotation: [f64; 4],
-    /// Where the model's origin goes.
+    /// World position of the model's origin.
     pub translation: [f64; 3],
-    /// Of all axes alike.
+    /// Uniform scale of all axes.
     pub scale: f64,
 }
 
@@ -534,24 +534,24 @@ impl glint_instance {
 pub struct glint_frame {
     /// sizeof(glint_frame).
     pub size: u32,
-    /// Which of the frames in flight it takes the place of.
+    /// Slot of the frame in flight that this one replaces.
     pub slot: u32,
-    /// Of `instances`.
+    /// Number of entries in `instances`.
     pub instance_count: u32,
-    /// Of `views`.
+    /// Number of entries in `views`.
     pub view_count: u32,
-    /// In one common order.
+    /// Blended in one common order by depth.
     pub instances: *const glint_instance,
-    /// One after the other.
+    /// Rendered one after the other.
     pub views: *const glint_view,
 }
 
 /// See [`StageTime`](crate::gpu::StageTime).
 #[repr(C)]
 pub struct glint_stage_time {
-    /// Ends with a 0.
+    /// Null-terminated.
     pub name: [c_char; 32],
-    /// On the device.
+    /// Seconds on the device.
     pub seconds: f64,
 }
 
@@ -560,22 +560,22 @@ pub struct glint_stage_time {
 pub struct glint_report {
     /// sizeof(glint_report).
     pub size: u32,
-    /// 0 where all found room.
+    /// Required number of intersections, or 0 if all fitted.
     pub needed: u32,
-    /// Gaussians that the last view saw.
+    /// Visible Gaussians of the last view.
     pub visible: u32,
-    /// Of those with its tiles.
+    /// Intersections of visible Gaussians with the view's tiles.
     pub intersections: u32,
 }
 
 /// See [`Binding`].
 #[repr(C)]
 pub struct glint_binding {
-    /// Of the buffer's contents.
+    /// Name of the buffer's contents.
     pub name: *const c_char,
     /// 1: read, 2: written, 3: both.
     pub access: u32,
-    /// Of an element.
+    /// Bytes per element.
     pub element_bytes: u32,
 }
 
@@ -593,9 +593,9 @@ impl From<&Binding> for glint_binding {
 /// See [`Constant`].
 #[repr(C)]
 pub struct glint_constant {
-    /// As the kernel has it.
+    /// Name in the kernel.
     pub name: *const c_char,
-    /// Its number in the module.
+    /// Constant id in the module.
     pub id: u32,
     /// `glint_constant_kind`.
     pub kind: u32,
@@ -618,30 +618,30 @@ impl From<&Constant> for glint_constant {
 pub struct glint_kernel_info {
     /// sizeof(glint_kernel_info).
     pub size: u32,
-    /// `glint_unit`: what takes one item.
+    /// `glint_unit`: the unit of threads that handles one item.
     pub unit: u32,
-    /// As the stage is called.
+    /// Name of the stage.
     pub name: *const c_char,
     /// SPIR-V.
     pub code: *const u32,
-    /// Of the code.
+    /// Size of the code, bytes.
     pub code_bytes: usize,
-    /// By number, in set 0.
+    /// Bindings by number, in set 0.
     pub bindings: *const glint_binding,
-    /// The first is the workgroup size.
+    /// Constants; the first is the workgroup size.
     pub constants: *const glint_constant,
-    /// Of `bindings`.
+    /// Number of entries in `bindings`.
     pub binding_count: u32,
-    /// Of `constants`.
+    /// Number of entries in `constants`.
     pub constant_count: u32,
-    /// Of push constants, from 0 on.
+    /// Bytes of push constants, from offset 0.
     pub push_bytes: u32,
-    /// 1: it has subgroup operations.
+    /// 1: uses subgroup operations.
     pub subgroups: u32,
-    /// Names of what its SPIR-V needs of the device.
+    /// Names of the device features that its SPIR-V needs.
     pub features: *const *const c_char,
-    /// Of `features`.
+    /// Number of entries in `features`.
     pub feature_count: u32,
-    /// 1: the threads of a workgroup meet at barriers.
+    /// 1: uses workgroup barriers.
     pub barriers: u32,
 }

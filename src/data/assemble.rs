@@ -1,5 +1,5 @@
-//! From what a dataset's files list to photos: which are there, which are for testing, what each goes through, and what of
-//! all this is worth telling.
+//! Assembles the listed photos of a dataset: finds their files, splits them into training and testing, sets
+//! up their lenses, and collects notes for the user.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -16,12 +16,12 @@ use super::{names, transforms};
 use crate::scene::Camera;
 use crate::{Error, Result};
 
-/// Of the photos sorted by name, the first and every 8th after it are for testing (Mip-NeRF 360, 3DGS).
+/// Without lists, the first photo by name and every 8th after it are for testing (Mip-NeRF 360, 3DGS).
 const TEST_EVERY: u32 = 8;
-/// A part of a photo that its file does not show is told from here on.
+/// A note reports a photo if more than this fraction of it is outside of its file.
 const TOLD_OUTSIDE: f64 = 0.01;
 
-/// `kind` is [`DatasetKind::Transforms`] also for what may turn out to be NeRF Synthetic.
+/// `kind` is [`DatasetKind::Transforms`] also for datasets that may turn out to be NeRF Synthetic.
 pub(super) fn assemble(kind: DatasetKind, listed: Listing, options: &DatasetOptions) -> Result<Dataset> {
     let Listing { mut entries, points, sources, mut notes } = listed;
     one_split_each(&mut entries, &mut notes);
@@ -36,7 +36,8 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listing, options: &DatasetOpti
     entries.sort_by(|a, b| a.name.cmp(&b.name));
     split(&mut entries, options.holdout);
     let entries = present(entries, &mut notes)?;
-    // NeRF Synthetic has angles, and its photos in files for training and for testing.
+    // NeRF Synthetic gives angles as focal lengths, and lists photos in separate files for training and
+    // testing.
     let blender = sources.first().is_some_and(|path| path.ends_with(transforms::TRAIN))
         && entries.iter().all(|entry| matches!(entry.camera.focal, Focal::Angles { .. }));
     let masked = entries.iter().filter(|entry| entry.mask.is_some()).count();
@@ -46,7 +47,7 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listing, options: &DatasetOpti
     }
 
     let results: Vec<Result<Prepared>> = entries.into_par_iter().map(|entry| prepare(entry, options)).collect();
-    // Collected first, so that of several faults the first by name is told.
+    // Collected first, so that the error names the first of several faulty photos.
     let prepared = results.into_iter().collect::<Result<Vec<_>>>()?;
     let transparent = prepared.iter().filter(|photo| photo.has_alpha).count();
     tell(&prepared, &mut notes);
@@ -76,7 +77,7 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listing, options: &DatasetOpti
     Ok(dataset)
 }
 
-/// A photo that stands in both splits is for testing alone: to train on it would be to know the answer.
+/// A photo in both splits is used for testing only: training must not see it.
 fn one_split_each(entries: &mut Vec<Entry>, notes: &mut Vec<String>) {
     let tests: HashSet<PathBuf> = entries
         .iter()
@@ -92,8 +93,8 @@ fn one_split_each(entries: &mut Vec<Entry>, notes: &mut Vec<String>) {
     }
 }
 
-/// Splits photos that are sorted by name. Those that are not there have their place in the order, so that a missing one moves
-/// no other.
+/// Splits photos that are sorted by name. Missing photos keep their place in the order, so that they do not
+/// move others to another split.
 fn split(entries: &mut [Entry], holdout: Holdout) {
     let test = |is_test: bool| if is_test { Split::Test } else { Split::Train };
     let every = |n: u32, i: usize| test(i.is_multiple_of(n as usize));
@@ -168,9 +169,9 @@ fn present(mut entries: Vec<Entry>, notes: &mut Vec<String>) -> Result<Vec<Entry
 /// A file's photos: one, or the faces of a panorama.
 struct Prepared {
     photos: Vec<Photo>,
-    /// The part of it that the file does not show.
+    /// Fraction of the picture outside of the file.
     outside: f64,
-    /// Principal point and size of the file, where the point is not in the picture.
+    /// Principal point and size of the file, if the point is outside of the picture.
     off: Option<([f64; 2], [u32; 2])>,
     has_alpha: bool,
     /// See [`ImageFile::orientation`].
@@ -179,7 +180,8 @@ struct Prepared {
     distortion: Distortion,
 }
 
-/// The intrinsics for a file of this size and its EXIF orientation, which is 1 unless only the turned picture fits the camera.
+/// Intrinsics for a file of this size, and its EXIF orientation. The orientation is 1 unless only the rotated
+/// picture fits the camera.
 fn turned(entry: &Entry, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), String> {
     let stored = entry.camera.for_image(size);
     if stored.is_ok() && !entry.camera.seems_turned(size) {
@@ -197,14 +199,14 @@ fn turned(entry: &Entry, path: &Path, size: [u32; 2]) -> Result<(Frame, u8), Str
 }
 
 fn prepare(entry: Entry, options: &DatasetOptions) -> Result<Prepared> {
-    // Only photos that are there come here.
+    // Missing photos were removed before.
     let path = entry.path.as_ref().unwrap_or(&entry.expected).clone();
     let images::Header { size, bytes_per_pixel, has_alpha, ends_early } = images::open(&path)?;
     let fail = |what: String| Error::input(&path, format!("{what} (listed in {})", entry.listed_in.display()));
     let (frame, orientation) = turned(&entry, &path, size).map_err(fail)?;
     let size = images::upright(size, orientation);
     let numbers = [frame.fx, frame.fy, frame.cx, frame.cy].into_iter().chain(entry.translation.to_array());
-    // What reaches the device is float32.
+    // The device uses float32.
     // guard: cameras within float32
     if !numbers.clone().all(|v| (v as f32).is_finite()) || !numbers.take(2).all(|v| (v as f32).is_normal()) {
         return Err(fail("its camera's numbers are too large or too small for 32 bits".into()));
@@ -225,7 +227,7 @@ fn prepare(entry: Entry, options: &DatasetOptions) -> Result<Prepared> {
     let split = entry.split.unwrap_or(Split::Train);
     let photos = lenses.into_iter().map(|(name, lens)| {
         let Frame { width, height, fx, fy, cx, cy } = lens.view;
-        // World to file's axes to view's axes.
+        // From world axes to the file's axes to the view's axes.
         let back = lens.turn.transpose();
         let (rotation, translation) = (back * entry.rotation, back * entry.translation);
         let full = Camera { width, height, fx, fy, cx, cy, rotation, translation };

@@ -1,4 +1,4 @@
-//! Outputs that appear whole or not at all.
+//! Writes files whole or not at all.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -9,15 +9,16 @@ use tempfile::NamedTempFile;
 
 use crate::{Error, Result};
 
-/// What the name of an unfinished file begins with.
+/// Prefix of the names of unfinished files.
 const PREFIX: &str = ".glint-";
-/// A file is locked a moment after it was made. One as old as this that nobody holds was left by a process that is gone.
+/// Age from which an unlocked temporary file counts as left by a dead process: a live one locks its file a
+/// moment after making it.
 const STALE: Duration = Duration::from_secs(60);
 
-/// Lets `fill` write a temporary file beside `path`, then renames it to `path`. When anything fails nothing is left and
-/// what stood at `path` before is untouched. A link is followed; something that is no plain file is refused, because a
-/// rename would replace the device or folder itself. The bytes are on the disk before the name is, so that a power cut
-/// leaves the old file or the new one.
+/// Lets `fill` write a temporary file next to `path`, then renames it to `path`. If anything fails, nothing
+/// is left, and an older file at `path` is untouched. Links are followed. A path that is not a plain file is
+/// refused, because the rename would replace the device or folder itself. The contents reach the disk before
+/// the name does, so that a power cut leaves either the old file or the new one.
 pub(super) fn write_whole(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<NamedTempFile>) -> io::Result<()>,
@@ -35,12 +36,12 @@ pub(super) fn write_whole(
     let folder = parent(&target);
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX);
-    // A temporary file is private by default; an output has the rights that the umask leaves.
+    // Temporary files are private by default; an output gets the permissions that the umask allows.
     #[cfg(unix)]
     // guard: rights of outputs
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let file = builder.tempfile_in(folder).map_err(at)?;
-    // Tells `sweep` that the file is in use. File systems without locks do without.
+    // Tells `sweep` that the file is in use. Some file systems have no locks; ignore that.
     let _ = file.as_file().try_lock();
     let mut writer = BufWriter::with_capacity(1 << 20, file);
     // guard: outputs whole or not at all
@@ -49,7 +50,7 @@ pub(super) fn write_whole(
     let file = writer.into_inner().map_err(|failed| at(failed.into_error()))?;
     file.as_file().sync_all().map_err(at)?;
     file.persist(&target).map_err(|failed| at(failed.error))?;
-    // Folders can be opened and synchronised on Unix only, and not on every file system. The file is whole either way.
+    // Only Unix can open and synchronise folders, and not on every file system. The file is whole either way.
     if let (true, Ok(folder)) = (cfg!(unix), File::open(folder)) {
         let _ = folder.sync_all();
     }
@@ -61,8 +62,8 @@ pub(super) fn parent(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Removes unfinished files that killed runs left in `folder`; those removed. What a running process writes is locked or
-/// young, and stays.
+/// Removes unfinished files that killed runs left in `folder`, and returns their paths. Files of running
+/// processes are locked or young, and stay.
 pub fn sweep(folder: impl AsRef<Path>) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let ours = |name: &std::ffi::OsStr| name.to_str().is_some_and(|name| name.starts_with(PREFIX));

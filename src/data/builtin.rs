@@ -1,13 +1,13 @@
-//! The built-in scene: a small studio shot of glossy and mirror-like objects on a diffuse floor, ray traced
-//! analytically in f64, with exact cameras and a point cloud such as structure from motion would give.
+//! The built-in scene: a small studio shot of glossy and mirror-like objects on a diffuse floor. It is ray
+//! traced analytically in f64, with exact cameras and a point cloud like that of structure from motion.
 //!
-//! It is made to show what view-dependent opacity adds over spherical harmonics: a surface point lights up over a
-//! cone of view directions 12 to 19° wide (at half its brightness), too narrow for harmonics of degree 3 and wide enough to be seen by several
-//! neighbouring cameras, which are 5 to 9° apart.
+//! It demonstrates the gain of view-dependent opacity over spherical harmonics. A surface point lights up
+//! over a cone of view directions 12 to 19° wide (at half its brightness): too narrow for harmonics of degree
+//! 3, but wide enough to be seen by several neighbouring cameras, which are 5 to 9° apart.
 //!
-//! Reflection model: the mirror direction sees rectangular lights blurred by a Gaussian of the material's own width,
-//! which for a rectangle is a product of error functions; there is no random sampling in the images.
-//! The scene is bounded: a ray that leaves it sees one constant background, reflected rays see the studio.
+//! Reflection model: the mirror direction sees rectangular lights, blurred by a Gaussian of the material's
+//! own width. For a rectangle this is a product of error functions; the images use no random sampling. The
+//! scene is bounded: a ray that leaves it sees one constant background, reflected rays see the studio.
 //!
 //! World axes: z up, the floor is z = 0, cameras look along +y. Lengths are scene units, angles radians, light is linear
 //! and dimensionless (1 = white of the photograph).
@@ -32,11 +32,11 @@ use studio::{BACKGROUND, Sample, Studio, View, studio, to_byte};
 pub const SIZE: u32 = 128;
 /// Focal length at [`SIZE`], pixels: a field of view of 25.8°, so that the objects fill the frame from [`DISTANCE`].
 const FOCAL: f64 = 280.0;
-/// Distance of the cameras from what they look at, scene units.
+/// Distance of the cameras from their target, scene units.
 const DISTANCE: f64 = 6.0;
-/// What the cameras look at.
+/// Point that the cameras look at.
 const TARGET: DVec3 = dvec3(0.0, 0.05, 0.22);
-/// Cameras stand on a grid of azimuths by elevations, odd rows half a step to the right.
+/// Cameras are on a grid of azimuths by elevations, odd rows half a step to the right.
 const COLUMNS: usize = 8;
 const ROWS: usize = 7;
 /// Azimuth span of a row, degrees; neighbours in a row are then 13.5° of azimuth or about 10° of arc apart.
@@ -44,13 +44,14 @@ const AZIMUTH_SPAN: f64 = 94.5;
 /// Lowest elevation and elevation span, degrees: rows are 5.8° apart.
 const ELEVATION: f64 = 24.0;
 const ELEVATION_SPAN: f64 = 35.0;
-/// Largest jitter of a camera in azimuth and elevation, degrees, and of its distance, relative.
+/// Maximum jitter of a camera: in azimuth and elevation, degrees, and in distance, relative.
 const JITTER: f64 = 1.2;
 const DISTANCE_JITTER: f64 = 0.02;
-/// Grid cells (row, column) of the test cameras: none at the border, no two of them neighbours.
+/// Grid cells (row, column) of the test cameras: none at the border, no two adjacent.
 const TEST_CELLS: [(usize, usize); 8] = [(1, 1), (1, 4), (1, 6), (3, 2), (3, 5), (5, 1), (5, 3), (5, 6)];
-/// Four samples suffice where a pixel's corners hit one object and differ by less than this (roots of linear light, which
-/// are near sRGB); against sixteen, one value in 10,000 then differs by more than an 8-bit step.
+/// Four samples suffice if a pixel's corners hit one object and differ by less than this (square roots of
+/// linear light, which are near sRGB). Compared with sixteen, one value in 10,000 then differs by more than
+/// an 8-bit step.
 const CALM: f64 = 4.0 / 255.0;
 const SEED: u64 = 0x0067_6c69_6e74;
 
@@ -59,9 +60,9 @@ const SEED: u64 = 0x0067_6c69_6e74;
 pub struct BuiltinPhoto {
     /// File name without extension, `view_00` to `view_55` in grid order.
     pub name: String,
-    /// Pose and lens it was traced with; pixels as `rgb` has them.
+    /// Pose and lens of the traced view, at the size of `rgb`.
     pub camera: Camera,
-    /// Of the held-out views; all others are for training.
+    /// Whether it is held out for testing.
     pub is_test: bool,
     /// 8-bit sRGB, `[height · width · 3]`, rows from the top.
     pub rgb: Vec<u8>,
@@ -76,23 +77,23 @@ pub struct BuiltinScene {
     pub point_positions: Vec<[f32; 3]>,
     /// Their colours, 8-bit sRGB, the mean over the training photographs that see them.
     pub point_colors: Vec<[u8; 3]>,
-    /// sRGB in [0, 1], what rays see that leave the scene; a multiple of 1/255.
+    /// sRGB in [0, 1], the colour of rays that leave the scene; a multiple of 1/255.
     pub background: [f32; 3],
 }
 
-/// Which part of the light [`render_truth`] gives.
+/// Selects the part of the light that [`render_truth`] returns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// All light, as a photograph shows it.
     All,
-    /// What does not depend on the view: albedo times irradiance, and the background.
+    /// The part independent of the view: albedo times irradiance, and the background.
     Diffuse,
-    /// What reflection adds. `All = Diffuse + Specular`, each sample clipped at white first.
+    /// The reflected part. `All = Diffuse + Specular`, each sample clipped at white first.
     Specular,
 }
 
 impl BuiltinScene {
-    /// The scene as a dataset held in memory.
+    /// The scene as a dataset in memory.
     pub fn dataset(&self) -> Dataset {
         let image =
             |p: &BuiltinPhoto| Image { width: p.camera.width, height: p.camera.height, rgb: p.rgb.clone(), mask: None };
@@ -118,8 +119,8 @@ impl BuiltinScene {
     }
 }
 
-/// Makes the built-in scene with `points` surface points. The same call gives the same bytes; between platforms a byte
-/// may differ by one where their mathematical libraries round differently.
+/// Makes the built-in scene with `points` surface points. Repeated calls give the same bytes. Between
+/// platforms a byte may differ by one, if their mathematical libraries round differently.
 pub fn builtin_scene(points: usize) -> BuiltinScene {
     let photos: Vec<BuiltinPhoto> = cameras()
         .into_iter()
@@ -144,7 +145,7 @@ fn render(studio: &Studio, camera: &Camera, part: Part, calm: f64) -> Vec<f32> {
     let corner = |y: usize| -> Vec<Sample> { (0..=width).map(|x| studio.sample(&view, x as f64, y as f64)).collect() };
     let corners: Vec<Vec<Sample>> = (0..=height).into_par_iter().map(corner).collect();
     let mut image = vec![0.0f32; width * height * 3];
-    // A camera without pixels has an empty image, which has no rows to split.
+    // A camera without pixels has an empty image, without rows to split.
     image.par_chunks_mut((width * 3).max(1)).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
             let around = [corners[y][x], corners[y][x + 1], corners[y + 1][x], corners[y + 1][x + 1]];
@@ -155,7 +156,7 @@ fn render(studio: &Studio, camera: &Camera, part: Part, calm: f64) -> Vec<f32> {
     image
 }
 
-/// The 56 cameras in grid order, row by row from the lowest, with whether they are test cameras.
+/// The 56 cameras in grid order, row by row from the lowest, each with a flag for test cameras.
 fn cameras() -> Vec<(Camera, bool)> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let mut jitter = || rng.random::<f64>() * 2.0 - 1.0;
@@ -201,7 +202,8 @@ mod tests {
     use super::*;
     use crate::data::srgb::srgb_from_linear;
 
-    /// Real spherical harmonics up to degree 3 span the polynomials of degree 3 on the sphere, and so do these.
+    /// A basis of the polynomials of degree 3 on the sphere, the span of real spherical harmonics up to
+    /// degree 3.
     fn cubics(v: DVec3) -> [f64; 16] {
         let DVec3 { x, y, z } = v;
         let quadratic = [x * y, y * z, x * z, x * x - y * y, 3.0 * z * z - 1.0];
@@ -239,8 +241,9 @@ mod tests {
         DVec3::from_array(v.min(DVec3::ONE).to_array().map(srgb_from_linear))
     }
 
-    /// What the scene is for: at surface points that test cameras see, harmonics of degree 3 fitted to all training views leave
-    /// an error that lobes of 4.5° around the training directions cut by more than 2 dB (measured: 26.5 to 29.4 dB).
+    /// Checks the purpose of the scene. At surface points that test cameras see, harmonics of degree 3 fitted
+    /// to all training views leave an error. Lobes of 4.5° around the training directions reduce it by more
+    /// than 2 dB (measured: 26.5 to 29.4 dB).
     #[test]
     fn lobes_remove_an_error_that_harmonics_leave() {
         const STEP: u32 = 3;
@@ -273,7 +276,8 @@ mod tests {
                 let coefficients = fit(&rows, &values, 0.01);
                 let predict = |r: &[f64; 16]| r.iter().zip(&coefficients).map(|(r, c)| *r * *c).sum::<DVec3>();
                 let harmonics = predict(&cubics(-d));
-                // The residuals of the training views, interpolated; 0.02 lets them fade where no view is near.
+                // Interpolates the residuals of the training views; 0.02 makes them fade out far from all
+                // views.
                 let (mut weight, mut sum) = (0.02, DVec3::ZERO);
                 for ((v, row), value) in toward.iter().zip(&rows).zip(&values) {
                     let angle = v.angle_between(-d).to_degrees() / LOBE;
@@ -290,7 +294,8 @@ mod tests {
         assert!(lobes > harmonics + 2.0, "harmonics {harmonics:.2} dB, with lobes {lobes:.2} dB");
     }
 
-    /// Neighbouring cameras are near enough for a highlight (7° to either side) to persist from one to the next.
+    /// Neighbouring cameras are near enough for a highlight (7° to either side) to persist from one to the
+    /// next.
     #[test]
     fn every_test_camera_has_training_cameras_within_10_degrees() {
         let cameras = cameras();
@@ -302,8 +307,8 @@ mod tests {
         }
     }
 
-    /// Two views of the scene, small: all light and what is diffuse of it. Where something of it is meant to change, the failing
-    /// assertion says what it is now.
+    /// Two small views of the scene: all light, and its diffuse part. After an intended change of the scene,
+    /// the failing assertion prints the new values.
     #[test]
     fn the_scene_is_what_it_was() {
         let mut seen = String::new();
@@ -317,7 +322,7 @@ mod tests {
             text.as_bytes().chunks(2).map(|two| u8::from_str_radix(str::from_utf8(two).unwrap(), 16).unwrap()).collect()
         };
         let (now, then) = (bytes(&seen), bytes(&GOLDEN_VIEWS.concat()));
-        // Where mathematical libraries round differently.
+        // Mathematical libraries may round differently.
         let same = now.len() == then.len() && now.iter().zip(&then).all(|(a, b)| a.abs_diff(*b) <= 1);
         assert!(same, "{seen}");
     }
@@ -373,7 +378,7 @@ mod tests {
         "9d9995a5a09a524f4e2d26282c292c2b2a2e2725292b2a2d47464884827f7d7b787e7b798a88878f8c8a4d4b4a3d3b3c4846464f4d4c",
         "5452504f4d4e575758908d8ba5a19ba4a09a7c7b7c7e7d7da09b96a39e988d8a877877788482819b9893989591989591a29e9aa39f9a",
     ];
-    /// Position in thousandths and colour.
+    /// Position in thousandths, and colour.
     #[rustfmt::skip]
     const GOLDEN_POINTS: [i32; 144] = [
         571, -33, 291, 73, 102, 99, -102, -380, -23, 103, 102, 105, -192, 430, 175, 86, 86, 86,
@@ -398,7 +403,8 @@ mod tests {
         }
         worst.sort();
         let over = worst.iter().filter(|d| **d > 1).count();
-        // Measured: 10 of 344,064 values differ by more than a step, by 6 at most (a silhouette between the corners).
+        // Measured: 10 of 344,064 values differ by more than a step, by at most 6 (a silhouette between the
+        // corners).
         assert!(
             over * 10_000 < worst.len() && worst.last() < Some(&12),
             "{over} of {}: {:?}",

@@ -1,4 +1,4 @@
-//! Camera paths: poses that a camera goes through, in a JSON file.
+//! Camera paths: sequences of poses in a JSON file.
 
 use std::{fs, path::Path};
 
@@ -9,23 +9,23 @@ use super::write_text;
 use crate::scene::Camera;
 use crate::{Error, Result};
 
-/// The largest side of a picture, pixels: what a mistyped number becomes.
+/// Maximum side of a picture, pixels, to reject mistyped numbers.
 const MAX_SIDE: u32 = 16_384;
-/// Of any other number.
+/// Maximum magnitude of any other number.
 const LARGEST: f64 = 1e30;
 
-/// Poses of one camera for pictures of one size.
+/// Poses of one camera, for pictures of one size.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CameraPath {
-    /// All of the same size.
+    /// Cameras of the same size.
     keys: Vec<Camera>,
 }
 
-/// What the file has.
+/// Contents of the file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    /// Of the pictures, pixels.
+    /// Size of the pictures, pixels.
     width: u32,
     height: u32,
     keys: Vec<Key>,
@@ -34,23 +34,23 @@ struct File {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Key {
-    /// Where the camera is, scene units.
+    /// Position of the camera, scene units.
     eye: [f64; 3],
-    /// From world axes to the camera's (x right, y down, z forward): a quaternion, w first.
+    /// Rotation from world axes to the camera's (x right, y down, z forward): a quaternion, w first.
     rotation: [f64; 4],
-    /// Horizontally and vertically, pixels.
+    /// Horizontal and vertical focal length, pixels.
     focal: [f64; 2],
     /// The principal point, pixels from the upper left corner.
     center: [f64; 2],
 }
 
 impl CameraPath {
-    /// Width and height of the pictures, as the first key has them; `None` without keys.
+    /// Width and height of the pictures, from the first key; `None` without keys.
     pub fn size(&self) -> Option<[u32; 2]> {
         self.keys.first().map(|key| [key.width, key.height])
     }
 
-    /// Poses so far.
+    /// Number of poses.
     pub fn len(&self) -> usize {
         self.keys.len()
     }
@@ -60,7 +60,7 @@ impl CameraPath {
         self.keys.is_empty()
     }
 
-    /// Adds a pose; one of another size is fitted into the first one's.
+    /// Adds a pose; a camera of another size is fitted to the size of the first.
     pub fn push(&mut self, camera: Camera) {
         let [width, height] = self.size().unwrap_or([camera.width, camera.height]);
         self.keys.push(camera.fitted(width, height));
@@ -84,7 +84,7 @@ impl CameraPath {
             return Some(key);
         }
         let next = self.keys[i + 1];
-        // Beyond its ends a path goes on straight.
+        // A path continues straight beyond its ends.
         let around = |of: &dyn Fn(&Camera) -> DVec3| {
             let (b, c) = (of(&key), of(&next));
             let a = i.checked_sub(1).map_or(2.0 * b - c, |i| of(&self.keys[i]));
@@ -92,7 +92,7 @@ impl CameraPath {
             catmull_rom([a, b, c, d], u)
         };
         let eye = around(&Camera::eye);
-        // Of lengths the logarithms, so that none is passed below 0.
+        // Focal lengths are interpolated as logarithms, so that they stay positive.
         let focal = around(&|c| DVec3::new(c.fx.ln(), c.fy.ln(), 0.0));
         let center = around(&|c| DVec3::new(c.cx, c.cy, 0.0));
         let [from, to] = [key, next].map(|c| DQuat::from_mat3(&c.rotation));
@@ -108,10 +108,10 @@ impl CameraPath {
         })
     }
 
-    /// Reads a file of [`CameraPath::write`].
+    /// Reads a file written by [`CameraPath::write`].
     ///
     /// # Errors
-    /// [`Error::Input`] names the key and the field.
+    /// [`Error::Input`], naming the key and the field.
     pub fn read(path: impl AsRef<Path>) -> Result<CameraPath> {
         let path = path.as_ref();
         let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
@@ -135,11 +135,11 @@ impl CameraPath {
         for (i, Key { eye, rotation: [w, x, y, z], focal, center }) in file.keys.into_iter().enumerate() {
             let quaternion = DQuat::from_xyzw(x, y, z, w);
             let length = quaternion.length();
-            // Those of a camera, and of any between two keys, are finite in float32, too.
+            // Keeps cameras, and any between two keys, finite in float32.
             let bounded = |v: &f64| v.abs() <= LARGEST;
             let expected = [
                 ("eye", eye.iter().all(bounded), "numbers of at most 1e30"),
-                // Written by hand with three digits it is still meant to be a rotation.
+                // Tolerates quaternions typed with three digits.
                 ("rotation", (length - 1.0).abs() < 0.01, "a quaternion of length 1"),
                 ("focal", focal.iter().all(|v| bounded(v) && *v > 0.0), "numbers above 0, of at most 1e30"),
                 ("center", center.iter().all(bounded), "numbers of at most 1e30"),
@@ -162,10 +162,10 @@ impl CameraPath {
         Ok(CameraPath { keys })
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes the path, whole or not at all.
     ///
     /// # Errors
-    /// [`Error::Usage`] without keys; else what the disk says.
+    /// [`Error::Usage`] without keys; [`Error::Io`] if writing fails.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let Some([width, height]) = self.size() else {
             return Err(Error::Usage("a camera path without poses".into()));
@@ -185,7 +185,7 @@ impl CameraPath {
     }
 }
 
-/// Between the middle two of four points, which it goes through.
+/// Interpolates between the middle two of four points; passes through them.
 fn catmull_rom([a, b, c, d]: [DVec3; 4], u: f64) -> DVec3 {
     0.5 * (2.0 * b + u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a))))
 }
@@ -220,12 +220,12 @@ mod tests {
             let (before, after) = ((eyes[1] - eyes[0]) / step, (eyes[2] - eyes[1]) / step);
             assert!((before - after).length() < 1e-3, "{before} {after}");
         }
-        // Between keys that lie on a parabola the middle ones' span is the parabola; rotations go at a constant speed.
+        // Between the middle keys of a parabola, the spline is the parabola; rotations have a constant speed.
         let middle = path.at(1.5).unwrap();
         assert!((middle.eye() - DVec3::new(1.5, 2.25, -1.5)).length() < 1e-12);
         assert!((middle.rotation - DMat3::from_rotation_y(0.7)).to_cols_array().iter().all(|v| v.abs() < 1e-12));
         assert!((middle.fx - 50.0).abs() < 1e-9 && middle.width == 64);
-        // The short way round, whatever the signs of the quaternions.
+        // The shorter rotation, for either sign of the quaternions.
         let mut turn = CameraPath::default();
         [key(0.0, 3.0), key(0.0, -3.0)].into_iter().for_each(|key| turn.push(key));
         let half = turn.at(0.5).unwrap().rotation;

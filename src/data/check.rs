@@ -1,4 +1,4 @@
-//! One entry to every file reader that takes bytes instead of a file.
+//! A common entry to every file reader that takes bytes, for fuzzing and tests.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ const OTHERS: [(&str, Check); 11] = [
     ("camera_path", |bytes, path| CameraPath::parse(bytes, path).map(drop)),
     ("image", images::check),
     ("safetensors", |bytes, path| {
-        // Few of them are checkpoints, and no bytes may make the reader of these fail otherwise than by an error.
+        // Few of these files are checkpoints, but the checkpoint reader must also survive any bytes.
         let _ = checkpoint::parse(bytes, None, path);
         tensors::parse_tensors(bytes, path).map(drop)
     }),
@@ -41,8 +41,8 @@ pub fn file_kinds() -> impl Iterator<Item = &'static str> {
     scenes.chain(OTHERS.map(|(name, _)| name))
 }
 
-/// Reads `bytes` as the contents of a file of a kind that [`file_kinds`] names and says what is wrong with them. Other files that they
-/// name are not looked for; `path` is only named in errors.
+/// Reads `bytes` as a file of a kind from [`file_kinds`], and returns the reader's error. Other files that
+/// they name are not opened; `path` is only used in errors.
 pub fn check_file(kind: &str, bytes: &[u8], path: &Path) -> Result<()> {
     if let Some(read) = SceneFormat::ALL.iter().find(|format| format.ending == kind).and_then(|format| format.read) {
         return scenes::check(read, bytes, path);

@@ -1,6 +1,6 @@
-//! What a run keeps while it learns is a scene, too: the Gaussians of a checkpoint.
+//! Reads a checkpoint as a scene, and defines the names of a checkpoint's tensors.
 //!
-//! How a checkpoint names what it holds is here, for whoever writes it (`pipelines::checkpoint`) and for whoever reads a scene.
+//! The names are shared by `pipelines::checkpoint`, which writes checkpoints, and the scene reader below.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,23 +18,23 @@ use crate::scene::{
 };
 use crate::{Error, Result};
 
-/// What the names of a segment's tensors begin with.
+/// Prefixes of the tensor names of a segment.
 pub const BASE: &str = "base";
 /// See [`BASE`].
 pub const SUPPLEMENT: &str = "supplement";
-/// What they end with: planes as `scene::layout` has them, of all Gaussians one after the other.
+/// Suffixes of the tensor names: planes in the order of `scene::layout`, each with all Gaussians.
 pub const GEOMETRY: &str = "geometry";
 /// See [`GEOMETRY`].
 pub const SH: &str = "sh";
 /// See [`GEOMETRY`].
 pub const LOBES: &str = "lobes";
-/// Where means count from: the words of x, y and z as float64, the lower one first.
+/// Origin of the means: the words of x, y and z as float64, the lower one first.
 pub const ORIGIN: &str = "origin";
 
-/// What the scene in it is trained with, in what a checkpoint says of itself.
+/// Key of the training settings in a checkpoint's description.
 pub const TRAINED_WITH: &str = "trained_with";
 
-/// Of a checkpoint's tensors and what it says of itself, but for its settings and this number.
+/// Checksum of a checkpoint's tensors and description, without its settings and this number.
 pub fn checksum(about: &Value, tensors: &BTreeMap<String, Tensor>) -> u32 {
     let number = |of: &Value| of.as_u64().unwrap_or_default();
     let mut hasher = crc32fast::Hasher::new();
@@ -56,13 +56,13 @@ pub fn checksum(about: &Value, tensors: &BTreeMap<String, Tensor>) -> u32 {
     hasher.finalize()
 }
 
-/// An origin as a checkpoint has it.
+/// Encodes an origin for a checkpoint.
 pub fn origin_words(origin: DVec3) -> [u32; 6] {
     let [x, y, z] = origin.to_array().map(|v| [v.to_bits() as u32, (v.to_bits() >> 32) as u32]);
     [x[0], x[1], y[0], y[1], z[0], z[1]]
 }
 
-/// The scene that a checkpoint's bytes hold. `path` is only named in errors.
+/// Reads the scene in a checkpoint's bytes. `path` is only used in errors.
 pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
     let (tensors, about) = parse_tensors_about(bytes, path)?;
     let about = about.and_then(|text| serde_json::from_str::<Value>(&text).ok()).unwrap_or_default();
@@ -105,7 +105,7 @@ struct Kept<'a> {
 }
 
 impl Kept<'_> {
-    /// Planes, how many there are, and of how many Gaussians.
+    /// The planes' values, the number of planes, and the number of Gaussians.
     fn planes(&self, segment: &str, what: &str) -> Result<(&[f32], usize, usize)> {
         match self.tensors.get(&format!("{segment}.{what}")) {
             Some(Tensor { shape, values: Values::F32(values) }) if shape.len() == 2 => Ok((values, shape[0], shape[1])),
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use crate::reference::sample::random_scene;
 
-    /// What a run keeps of a scene, in coordinates that count from `origin`.
+    /// Tensors of a checkpoint with this scene, in coordinates relative to `origin`.
     fn tensors_of(scene: &Scene, origin: DVec3) -> BTreeMap<String, Tensor> {
         let mut tensors = BTreeMap::new();
         tensors.insert(ORIGIN.into(), Tensor { shape: vec![3, 2], values: Values::U32(origin_words(origin).to_vec()) });
@@ -200,11 +200,11 @@ mod tests {
         for (degree, supplement) in [(0, 0), (3, 4), (color::BETAS, 0)] {
             let scene = random_scene(1, 7, supplement, degree);
             assert_eq!(read(&tensors_of(&scene, DVec3::ZERO)), scene);
-            // From elsewhere the origin alone is another.
+            // With another origin only the origin changes.
             let origin = DVec3::new(1e5, 0.0, -0.3);
             assert_eq!(read(&tensors_of(&scene, origin)), Scene { origin, ..scene });
         }
-        // Of no supplementary Gaussians there is no supplement.
+        // Without supplementary Gaussians there is no supplement.
         let none = Scene { supplement: Some(Supplement::default()), ..random_scene(1, 2, 0, 1) };
         assert_eq!(read(&tensors_of(&none, DVec3::ZERO)).supplement, None);
     }

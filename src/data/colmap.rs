@@ -32,7 +32,7 @@ pub(super) fn read(root: &Path, model: &folders::Model, options: &DatasetOptions
     let mut notes = Vec::from_iter(model.note(root));
     let photos = model.photos(root, options, &mut notes)?;
     let (masks, finder) = (folders::masks(&photos), Finder::new(photos));
-    // If some photos are where the model says, the others are missing.
+    // If some photos are at the stated places, the others are missing, not moved.
     let moved = poses.iter().all(|pose| finder.find(&pose.name).is_none());
     let mut entries = Vec::with_capacity(poses.len());
     for pose in poses {
@@ -244,7 +244,7 @@ fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Source
             let thin = Polynomial { fisheye: true, radial, tangential, prism, ..Default::default() };
             ([fx, fy], [cx, cy], Distortion::Polynomial(thin))
         }
-        // Its p0 belongs to x and its p1 to y, where OpenCV's p1 belongs to y.
+        // In this model p0 belongs to x and p1 to y; in OpenCV p1 belongs to y.
         ("RAD_TAN_THIN_PRISM_FISHEYE", &[fx, fy, cx, cy, k0, k1, k2, k3, k4, k5, p0, p1, s0, s1, s2, s3]) => {
             let (radial, tangential, prism) = ([k0, k1, k2, k3, k4, k5], [p1, p0], [s0, s1, s2, s3]);
             let turns = Polynomial { fisheye: true, radial, tangential, prism, in_turn: true, ..Default::default() };
@@ -255,7 +255,7 @@ fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Source
         ("SIMPLE_FISHEYE", &[f, cx, cy]) => ([f, f], [cx, cy], fisheye(0.0, 0.0)),
         ("FISHEYE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], fisheye(0.0, 0.0)),
         ("EUCM", &[fx, fy, cx, cy, alpha, beta]) => ([fx, fy], [cx, cy], Distortion::Unified { alpha, beta }),
-        // Its parameters are the size once more.
+        // The parameters repeat the image size.
         ("EQUIRECTANGULAR", &[_, _]) => {
             let size = [width as f64, height as f64];
             (size, size.map(|side| 0.5 * side), Distortion::Equirectangular)
@@ -271,7 +271,7 @@ fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Source
     Ok(SourceCamera { size, focal, center: Some(center), distortion })
 }
 
-/// Little-endian numbers off the front of a byte string; nothing when it is too short.
+/// Reads little-endian numbers from the front of a byte string; `None` if it is too short.
 struct Bytes<'a> {
     left: &'a [u8],
 }
@@ -311,8 +311,8 @@ impl<'a> Bytes<'a> {
     }
 }
 
-/// Reads a count and so many records of at least `least` bytes with `record`; `None` of it means that the file ends too early.
-/// A count that the file cannot hold is refused before anything is allocated.
+/// Reads a count, and that number of records of at least `least` bytes with `record`. `record` returns `None`
+/// if the file ends too early. A count that the file cannot hold is refused before anything is allocated.
 fn records<'a, T>(
     bytes: &'a [u8],
     path: &Path,
@@ -385,7 +385,7 @@ fn collect_cameras(list: Vec<(u32, SourceCamera)>, path: &Path) -> Result<Camera
 }
 
 pub(super) fn images_binary(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
-    // Id, pose, camera, an empty name's end and the number of its points.
+    // Id, pose, camera, the terminator of an empty name, and the number of points.
     records(bytes, path, "image", 4 + 7 * 8 + 4 + 1 + 8, |bytes| {
         bytes.u32()?;
         let (quat, translation, camera) = (bytes.f64s()?, bytes.f64s()?, bytes.u32()?);
@@ -422,9 +422,9 @@ pub(super) fn images_text(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
         }
         let camera = number_of(word("the camera id")?, "camera id").map_err(fail)?;
         let [qw, qx, qy, qz, translation @ ..] = numbers;
-        // The rest of the line: names may hold blanks.
+        // The rest of the line: names may contain blanks.
         poses.push(Pose { name: rest.to_owned(), quat: [qw, qx, qy, qz], translation, camera });
-        // The line of its points, which may be empty. Some writers leave it out, and the next image follows.
+        // The line of points, which may be empty. Some writers leave it out, so that the next image follows.
         all.next_if(|(_, line)| is_points(line));
     }
     Ok(poses)
@@ -469,7 +469,8 @@ pub(super) fn points_text(bytes: &[u8], path: &Path, notes: &mut Vec<String>) ->
     Ok(usable(points, "line", path, notes))
 }
 
-/// Keeps the points whose positions are finite, and adds a note for the others. `what` is what their numbers count.
+/// Keeps the points with finite positions, and adds a note for the others. `what` names the unit that their
+/// numbers count.
 fn usable(points: Vec<(usize, [f64; 3], [u8; 3])>, what: &str, path: &Path, notes: &mut Vec<String>) -> PointCloud {
     let (all, mut cloud, mut left_out) = (points.len(), PointCloud::default(), LeftOut::default());
     for (number, position, color) in points {
@@ -564,7 +565,7 @@ mod tests {
         out
     }
 
-    /// A dataset on disk out of named files; the image files are not decoded here.
+    /// A dataset on disk with these files; image files are not decoded here.
     fn model(files: &[(&str, &[u8])]) -> (tempfile::TempDir, Result<Listing>) {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("sparse").join("0");
@@ -584,7 +585,7 @@ mod tests {
         model(files).1.err().unwrap().to_string()
     }
 
-    /// Each parameter a number of its own, so that none can stand in for another.
+    /// Each parameter has a different value, so that a swap shows.
     #[test]
     fn every_model_gives_its_intrinsics_in_both_formats() {
         let polynomial = |p: Polynomial| Distortion::Polynomial(p);
@@ -610,7 +611,8 @@ mod tests {
             tangential: [0.3, 0.4],
             ..none
         };
-        // By COLMAP's number: the focal lengths, how many parameters come after the principal point, and what they mean.
+        // COLMAP's number of the model; number of focal lengths; expected distortion for the parameters after
+        // the principal point.
         let cases: [(usize, usize, Distortion); 17] = [
             (1, 0, polynomial(none)),
             (2, 0, polynomial(none)),
@@ -654,7 +656,7 @@ mod tests {
         assert_eq!(both(17, &[64.0, 48.0]), sphere);
     }
 
-    /// Half of the images once went missing without a word.
+    /// A regression test: half of the images were once lost silently.
     #[test]
     fn an_images_file_without_lines_of_points_is_read_whole() {
         let names = |text: &str| {
@@ -746,7 +748,7 @@ mod tests {
         assert!(images.contains("line 1: ends before ty"), "{images}");
     }
 
-    /// Lost photos and points of depth cameras have no numbers.
+    /// Lost photos, and points of depth cameras, have NaN.
     #[test]
     fn poses_and_points_that_are_none_are_left_out_and_told() {
         let camera = cameras_bin(&[(7, 4, &OPENCV)]);
@@ -807,7 +809,8 @@ mod tests {
         }
     }
 
-    /// A model beside transforms.json, whose frame is another: turned, moved and scaled, as nerfstudio's `applied_transform` does.
+    /// A model next to a transforms.json in another frame: rotated, moved and scaled, as with nerfstudio's
+    /// `applied_transform`.
     #[test]
     fn points_follow_the_cameras_into_their_frame() {
         let eyes = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]];
@@ -857,10 +860,10 @@ mod tests {
             assert!(off.length() < 1e-5, "{found:?}");
         }
         assert_eq!(points.colors[1], [1, 20, 30]);
-        // One photo gives no scale: as it is.
+        // A single photo gives no scale: keep the model's.
         let alone = found(&entries[..1]).unwrap().unwrap().0.positions[0].map(f64::from);
         assert!((DVec3::from_array(alone) - moved(eyes[0]) - DVec3::new(2.0, 0.0, -3.0)).length() < 1e-5, "{alone:?}");
-        // Another run's model.
+        // A model of another run.
         entries[2] = entry(2, moved([0.0, 0.0, 3.2]));
         assert!(found(&entries).unwrap_err().contains("do not stand"));
         entries.iter_mut().for_each(|entry| entry.name = "other.png".into());

@@ -1,4 +1,4 @@
-//! Opens COLMAP and transforms.json datasets and loads their photos.
+//! Photos with their cameras: read from COLMAP or transforms.json datasets, or made in memory.
 
 use std::path::Path;
 
@@ -10,13 +10,14 @@ use super::photo::{Dataset, DatasetKind, DatasetOptions, Holdout, Image, ImageFi
 use super::{advice, assemble, colmap, folders, reduced, transforms};
 use crate::{Error, Result};
 
-/// Memory that photos may take that are decoded at the same time, bytes. One is always decoded, whatever it takes.
+/// Maximum memory of photos that are decoded at the same time, bytes. A single photo is decoded regardless of
+/// its size.
 const DECODING: u64 = 1 << 30;
 
 impl Dataset {
-    /// Reads what describes a dataset: cameras, names, sizes and points, but no pixels. `path` is a folder with a COLMAP model
-    /// (sparse/0, sparse, itself or another usual place) and images, a folder with transforms_train.json or transforms.json, or
-    /// such a file.
+    /// Reads a dataset's description: cameras, names, sizes and points, but no pixels. `path` is a folder
+    /// with images and a COLMAP model (in sparse/0, sparse, the folder itself or another usual place). It may
+    /// also be a folder with transforms_train.json or transforms.json, or such a file.
     pub fn open(path: impl AsRef<Path>, options: &DatasetOptions) -> Result<Dataset> {
         let path = path.as_ref();
         if options.max_size == Some(0) {
@@ -34,7 +35,8 @@ impl Dataset {
             return Ok(full);
         }
         let root = if found.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
-        // As they are: what is a pixel larger than it should be would only be blurred by another reduction.
+        // Photos in reduced folders stay as they are: a pixel too large, another downscale would only blur
+        // them.
         let open = |folder: &Path| {
             let options = DatasetOptions { images: Some(folder.to_owned()), max_size: None, ..options.clone() };
             Dataset::read(path, found.is_dir(), &options)
@@ -46,7 +48,7 @@ impl Dataset {
         if is_folder {
             let near = folders::find_model(path, options)?;
             let file = transforms::find(path);
-            // A model in a folder of its own is often what a transforms.json was made from, and not what was asked for.
+            // A model in its own folder is often the source of a transforms.json, which then has priority.
             if let Some(model) = near.filter(|model| !model.aside || file.is_none()) {
                 let mut read = colmap::read(path, &model, options)?;
                 if let Some(file) = file {
@@ -66,7 +68,7 @@ impl Dataset {
         }
     }
 
-    /// Decodes and prepares all photos, in their order.
+    /// Decodes and prepares all photos, in order.
     pub fn load_images(&self) -> Result<Vec<Image>> {
         let photos: Vec<&Photo> = self.photos.iter().collect();
         let mut images = Vec::with_capacity(photos.len());
@@ -84,7 +86,7 @@ impl Dataset {
 }
 
 impl Photo {
-    /// The prepared image, of the camera's size.
+    /// Decodes and prepares the image, at the camera's size.
     pub fn load(&self, background: [f32; 3]) -> Result<Image> {
         let size = [self.camera.width, self.camera.height];
         match &self.pixels {
@@ -103,10 +105,11 @@ impl Photo {
         }
     }
 
-    /// The true `part` of its light, [`DIFFUSE`](super::DIFFUSE) or [`SPECULAR`](super::SPECULAR), prepared as the photo is; `None` where there is no such file.
+    /// The true `part` of the photo's light, [`DIFFUSE`](super::DIFFUSE) or [`SPECULAR`](super::SPECULAR), prepared like the photo;
+    /// `None` if there is no such file.
     ///
     /// # Errors
-    /// Where the file is no image, or of another size than the photo's.
+    /// If the file is not an image, or has another size than the photo.
     pub fn part(&self, part: &str) -> Result<Option<Photo>> {
         let PixelSource::File(file) = &self.pixels else { return Ok(None) };
         let folder = file.path.parent().and_then(Path::parent);
@@ -123,7 +126,7 @@ impl Photo {
         Ok(Some(Photo { pixels, ..self.clone() }))
     }
 
-    /// Bytes of memory that [`Photo::load`] takes at most, but for the file's own.
+    /// Maximum bytes of memory of [`Photo::load`], not counting the file's own.
     pub fn bytes_to_load(&self) -> u64 {
         match &self.pixels {
             PixelSource::File(file) => images::bytes_to_load(file, [self.camera.width, self.camera.height]),
@@ -132,8 +135,8 @@ impl Photo {
     }
 }
 
-/// Decodes and prepares `photos` and hands what `make` makes of them to `take` in their order, as many at once as there are threads and as
-/// [`DECODING`] allows.
+/// Decodes and prepares `photos`, passes each to `make`, and passes the results to `take` in order. Runs on
+/// all threads, within the memory limit [`DECODING`].
 pub fn load_photos<T: Send>(
     photos: &[&Photo],
     background: [f32; 3],
@@ -144,7 +147,7 @@ pub fn load_photos<T: Send>(
     while !left.is_empty() {
         let (some, rest) = left.split_at(at_once(left.iter().map(|photo| photo.bytes_to_load())));
         left = rest;
-        // Collected first, so that of several faults the first by name is told.
+        // Collected first, so that the error names the first of several faulty photos.
         let load = |photo: &&Photo| photo.load(background).map(|image| make(photo, image));
         let made: Vec<Result<T>> = some.par_iter().map(load).collect();
         made.into_iter().try_for_each(|made| take(made?))?;
@@ -152,7 +155,7 @@ pub fn load_photos<T: Send>(
     Ok(())
 }
 
-/// How many of the next photos are decoded at once, from what each takes.
+/// Number of next photos to decode at once, from the bytes that each takes.
 fn at_once(bytes: impl Iterator<Item = u64>) -> usize {
     let sums = bytes.scan(0u64, |sum, bytes| {
         *sum = sum.saturating_add(bytes);
@@ -171,7 +174,7 @@ mod tests {
     use super::*;
     use crate::scene::Camera;
 
-    /// 17 photos of 8 × 6 whose left half is red and opaque, the right half green and transparent.
+    /// 17 photos of 8 × 6: the left half is red and opaque, the right half green and transparent.
     fn folder() -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         let turn = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
@@ -204,7 +207,8 @@ mod tests {
         for image in data.load_images().unwrap() {
             assert_eq!(image, Image { width: 4, height: 3, rgb: row.repeat(3), mask: None });
         }
-        // The cubic's taps by hand, those beyond the edge left out: red of the second is 0.9453125 / 1.01171875.
+        // The cubic's taps by hand, without those beyond the edge: red of the second is 0.9453125 /
+        // 1.01171875.
         let data = Dataset::open(folder.path(), &DatasetOptions { reduce: Reduce::Bicubic, ..options }).unwrap();
         let row = [[255, 0, 0], [238, 0, 17], [17, 0, 238], [0, 0, 255]].concat();
         assert_eq!(data.load_images().unwrap()[16].rgb, row.repeat(3));
@@ -235,11 +239,11 @@ mod tests {
         std::fs::write(&json, text.replace("\"05\"", "\"./04\"")).unwrap();
         let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
         assert!(message.contains("`04`") && message.contains("twice"), "{message}");
-        // What the system says of a file is handed on: this name is longer than any may be.
+        // Errors of the system are passed on: this name exceeds the maximum length.
         std::fs::write(&json, text.replace("\"05\"", &format!("\"{}\"", "5".repeat(300)))).unwrap();
         let notes = Dataset::open(folder.path(), &options).unwrap().notes;
         assert!(notes[0].contains("cannot be looked at"), "{notes:?}");
-        // None is there.
+        // No photo is left.
         std::fs::write(&json, text).unwrap();
         (0..17).for_each(|i| drop(std::fs::remove_file(folder.path().join(format!("{i:02}.png")))));
         let message = Dataset::open(folder.path(), &options).unwrap_err().to_string();
@@ -297,7 +301,7 @@ mod tests {
         assert_eq!(tests(Holdout::Every(5)).unwrap(), "00 05 10 15");
         assert_eq!(tests(Holdout::Nothing).unwrap(), "");
         assert!(tests(Holdout::Every(0)).is_err());
-        // A photo that is missing moves no other.
+        // A missing photo does not move others to another split.
         std::fs::remove_file(folder.path().join("03.png")).unwrap();
         assert_eq!(tests(Holdout::Dataset).unwrap(), "00 08 16");
     }

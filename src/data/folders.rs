@@ -1,4 +1,4 @@
-//! Where datasets keep their models, photos and masks.
+//! Usual folders of a dataset's models, photos and masks.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use super::names::Finder;
 use super::{DatasetOptions, left_out::counted};
 use crate::{Error, Result};
 
-/// Where a dataset has its own model, in order; and where a tool left the one that it worked with.
+/// Usual folders of a dataset's own model, in order; below: those of models that other tools leave behind.
 const OWN: [&str; 3] = ["sparse/0", "sparse", ""];
 const ASIDE: [&str; 7] = [
     "colmap/sparse/0",
@@ -19,15 +19,15 @@ const ASIDE: [&str; 7] = [
     "colmap_text",
     "colmap_sparse/0",
 ];
-/// Folders whose numbered sub-folders are models.
+/// Folders with numbered sub-folders that are models; `true` for models of other tools.
 const NUMBERED: [(&str, bool); 2] = [("sparse", false), ("colmap/sparse", true)];
-/// Where photos are, the best first.
+/// Usual folders of photos, the best first.
 const PHOTOS: [&str; 5] = ["images", "input", "images_2", "images_4", "images_8"];
 
 /// A COLMAP model's folder.
 pub(super) struct Model {
     pub(super) folder: PathBuf,
-    /// Not where a dataset has its own.
+    /// Whether it is outside of the usual folders of a dataset's own model.
     pub(super) aside: bool,
     /// Other models, relative to the dataset.
     others: Vec<String>,
@@ -37,7 +37,7 @@ fn is_model(folder: &Path) -> bool {
     ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file())
 }
 
-/// Every model below `root`, in the order in which they are taken: relative folders, and whether they are aside.
+/// Every model below `root`, in order of preference: relative folders, each with a flag for `aside`.
 fn models(root: &Path) -> Vec<(String, bool)> {
     let fixed = OWN.map(|place| (place.to_owned(), false)).into_iter();
     let aside = ASIDE.map(|place| (place.to_owned(), true));
@@ -59,7 +59,7 @@ pub(super) fn is_dataset(root: &Path) -> bool {
     !models(root).is_empty() && ["", "dense", "colmap"].into_iter().any(photos)
 }
 
-/// The model that is asked for, else the first of the usual places.
+/// The model in the options, or else the first in the usual folders.
 pub(super) fn find_model(root: &Path, options: &DatasetOptions) -> Result<Option<Model>> {
     let found = models(root);
     let names = |places: &[(String, bool)]| -> Vec<String> {
@@ -82,7 +82,7 @@ pub(super) fn find_model(root: &Path, options: &DatasetOptions) -> Result<Option
 }
 
 impl Model {
-    /// What is to be told of the choice.
+    /// A note on the choice, if there were others.
     pub(super) fn note(&self, root: &Path) -> Option<String> {
         let place = self.folder.strip_prefix(root).unwrap_or(&self.folder).display();
         let others = &self.others;
@@ -95,7 +95,8 @@ impl Model {
         })
     }
 
-    /// The folder of its photos: the one that is asked for, else the first of the usual ones, here or beside the model.
+    /// Folder of its photos: the one in the options, or else the first usual one in the dataset or next to
+    /// the model.
     pub(super) fn photos(&self, root: &Path, options: &DatasetOptions, notes: &mut Vec<String>) -> Result<PathBuf> {
         if let Some(asked) = &options.images {
             return asked_folder(root, asked);
@@ -116,13 +117,13 @@ impl Model {
     }
 }
 
-/// A folder of photos that was asked for, in the dataset or a path of its own.
+/// The folder of photos named in the options, in the dataset or elsewhere.
 pub(super) fn asked_folder(root: &Path, asked: &Path) -> Result<PathBuf> {
     let here = [root.join(asked), asked.to_owned()].into_iter().find(|folder| folder.is_dir());
     here.ok_or_else(|| Error::input(asked, format!("is no folder, neither here nor in {}", root.display())))
 }
 
-/// Where the masks of the photos in `photos` are: images_4 has masks_4 or masks beside it.
+/// The masks of the photos in `photos`: images_4 has masks_4 or masks next to it.
 pub(super) fn masks(photos: &Path) -> Option<Finder> {
     let (parent, name) = (photos.parent()?, photos.file_name()?.to_str()?);
     let suffix = name.strip_prefix("images").unwrap_or_default();
@@ -194,7 +195,7 @@ mod tests {
         let message = found(&files, Some("sparse/7")).unwrap_err().to_string();
         assert!(message.contains("sparse/7") && message.contains("sparse/0, sparse/1"), "{message}");
         assert!(found(&[], Some("x")).unwrap_err().to_string().contains("no models"));
-        // A path of its own.
+        // A folder outside of the dataset.
         let elsewhere = folder(&["cameras.bin"]);
         let options = DatasetOptions { model: Some(elsewhere.path().into()), ..Default::default() };
         let here = folder(&["sparse/0/cameras.bin"]);

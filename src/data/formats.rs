@@ -1,8 +1,9 @@
-//! Kinds of files, told by their first bytes, and the table of scene formats: who reads and writes each, and what it keeps.
+//! Detects kinds of files by their first bytes, and lists the scene formats: the reader and writer of each,
+//! and the data it keeps.
 //!
-//! All formats are read into the units of [`Gaussians`](crate::scene::Gaussians), in the frame of 3DGS PLY files (x right, y down, z to the
-//! front), and as they are: the caller checks the numbers. Bytes come in whole; sizes and counts in a header are believed only as far as
-//! the file's own size allows.
+//! All formats are read into the units of [`Gaussians`](crate::scene::Gaussians), in the frame of 3DGS PLY
+//! files (x right, y down, z to the front). Numbers are not checked; the caller does that. Readers get a
+//! whole file, and trust sizes and counts in a header only as far as the file's own size allows.
 
 #[cfg(feature = "formats")]
 mod axes;
@@ -39,28 +40,28 @@ use super::ply_format::is_ply;
 use super::scene_file::{SOG_META, SceneFile};
 use crate::{Error, Result};
 
-/// Kinds of files that come one's way around scenes and datasets. `Display` says it with an article.
+/// Kinds of files that users may pass as scenes or datasets. `Display` gives the name with an article.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A scene or a point cloud.
     Ply,
-    /// Something in braces: a transforms.json, perhaps.
+    /// JSON: perhaps a transforms.json.
     Json,
     /// An SPZ scene.
     Spz,
-    /// The name says so too: the rows have no mark.
+    /// A `.splat` scene; recognised by its name, since its rows have no mark.
     Splat,
-    /// A scene of mkkellogg's viewer; the name says so.
+    /// A scene of mkkellogg's viewer; recognised by its name.
     Ksplat,
-    /// The `meta.json` of an SOG scene in a folder; the name says so.
+    /// The `meta.json` of an SOG scene in a folder; recognised by its name.
     Sog,
-    /// An archive: of an SOG scene, perhaps.
+    /// A ZIP archive: perhaps an SOG scene.
     Zip,
-    /// A compressed stream: an SPZ scene under another name, perhaps.
+    /// A gzip stream: perhaps an SPZ scene under another name.
     Gzip,
-    /// Binary, or in JSON if the name says so.
+    /// glTF: binary, or JSON if the name says so.
     Gltf,
-    /// Tensors, such as a run keeps: its checkpoint is a scene.
+    /// Tensors; a run's checkpoint is also a scene.
     Safetensors,
     /// An image of floats.
     Exr,
@@ -75,7 +76,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Of a file's beginning. `path` is looked at only for what has no mark of its own.
+    /// Detects the kind from the start of a file. Uses `path` only for kinds without a mark of their own.
     pub fn of(start: &[u8], path: &Path) -> Kind {
         let ending = |ending: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
         let text = start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(start).trim_ascii_start();
@@ -92,15 +93,16 @@ impl Kind {
             [0x1a, 0x45, 0xdf, 0xa3, ..] | [b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', b' ', ..] => {
                 Kind::Video
             }
-            // Photos of phones are such containers, too.
+            // Photos from phones use such containers too.
             [_, _, _, _, b'f', b't', b'y', b'p', brand @ ..]
                 if ![&b"heic"[..], b"heix", b"mif1", b"avif"].iter().any(|photo| brand.starts_with(photo)) =>
             {
                 Kind::Video
             }
-            // It begins with any numbers, so less than four bytes can be a mark by chance.
+            // A `.splat` starts with arbitrary numbers, so a mark of less than four bytes may be there by
+            // chance.
             _ if ending("splat") => Kind::Splat,
-            // A version before 4 is a whole gzip stream.
+            // Versions before 4 are whole gzip streams.
             [0x1f, 0x8b, ..] => {
                 if ending("spz") {
                     Kind::Spz
@@ -121,7 +123,7 @@ impl Kind {
         }
     }
 
-    /// Of a file that can be opened.
+    /// Opens a file, and detects its kind.
     pub fn of_file(path: &Path) -> Result<Kind> {
         let fail = |source| Error::io(path, source);
         let mut start = Vec::new();
@@ -131,13 +133,13 @@ impl Kind {
 }
 
 impl Kind {
-    /// Finds the format that such a file may have, and the name for messages.
+    /// The format of such files, and its name for messages.
     fn format(self) -> Option<(&'static SceneFormat, &'static str)> {
         let of = |format: &'static SceneFormat| format.kinds.iter().map(move |&(kind, name)| (kind, (format, name)));
         SceneFormat::ALL.iter().flat_map(of).find(|(kind, _)| *kind == self).map(|(_, found)| found)
     }
 
-    /// The reader of such a file if a scene can be in it and this build has one.
+    /// The reader of such files, if they may hold a scene and this build has the reader.
     pub(super) fn reader(self) -> Option<Reader> {
         #[cfg(feature = "train")]
         if self == Kind::Safetensors {
@@ -146,12 +148,12 @@ impl Kind {
         self.format()?.0.read
     }
 
-    /// Whether a scene can be in such a file, and this build reads it.
+    /// Whether such files may hold a scene that this build can read.
     pub fn may_be_scene(self) -> bool {
         self.reader().is_some()
     }
 
-    /// What to say after that it is not read, if anything.
+    /// Advice to append to the message that such a file is not read, if any.
     pub(super) fn advice(self) -> &'static str {
         match self {
             Kind::Ksplat => "; export it as PLY",
@@ -177,40 +179,42 @@ impl fmt::Display for Kind {
     }
 }
 
-/// Reads a scene from a file's bytes. Files that they name are looked for in the folder, if there is one; the path is only named in errors.
+/// Reads a scene from a file's bytes. Files that they name are read from the folder, if there is one; the
+/// path is only used in errors.
 pub(super) type Reader = fn(&[u8], Option<&Path>, &Path) -> Result<SceneFile>;
-/// Writes a scene to a file, in a version of the format if it has several. Returns a note for each change that nobody would expect.
+/// Writes a scene to a file, in the given version if the format has several. Returns a note for each
+/// unexpected change.
 #[cfg(feature = "train")]
 pub(super) type Writer = fn(&SceneFile, &Path, Option<u8>) -> Result<Vec<String>>;
 
 /// A format of scene files. A build without its reader and writer still names it in messages.
 #[derive(Debug, Clone, Copy)]
 pub struct SceneFormat {
-    /// Ending of the names of files that are written.
+    /// Ending of the names of written files.
     pub ending: &'static str,
-    /// One line for the help: what the format keeps.
+    /// One line for the help: the data that the format keeps.
     pub about: &'static str,
-    /// The version that is written, if the format has several.
+    /// Default version for writing, if the format has several.
     pub version: Option<u8>,
-    /// Whether a supplement can be kept.
+    /// Whether it keeps a supplement.
     pub keeps_lobes: bool,
-    /// Whether the file says where in the world its coordinates begin ([`Scene::origin`](crate::scene::Scene::origin)) and all that it
-    /// was trained with.
+    /// Whether it keeps the world position of its coordinates' origin
+    /// ([`Scene::origin`](crate::scene::Scene::origin)) and all training settings.
     pub keeps_origin: bool,
-    /// Whether the file says whether it was trained with antialiasing.
+    /// Whether it keeps the antialiasing setting.
     pub keeps_antialiased: bool,
-    /// The greatest degree of harmonics that the file keeps.
+    /// Maximum degree of harmonics that the file keeps.
     pub greatest_sh_degree: u32,
     /// Whether the file keeps [color models](crate::scene::color::MODELS) other than harmonics.
     pub keeps_colors: bool,
-    /// Kinds of files that are read as this format, with their names for messages.
+    /// Kinds of files read as this format, with their names for messages.
     kinds: &'static [(Kind, &'static str)],
     pub(super) read: Option<Reader>,
     #[cfg(feature = "train")]
     pub(super) write: Option<Writer>,
 }
 
-/// Values that most formats share.
+/// Common values of most formats.
 const USUAL: SceneFormat = SceneFormat {
     ending: "",
     about: "",
@@ -227,7 +231,7 @@ const USUAL: SceneFormat = SceneFormat {
 };
 
 impl SceneFormat {
-    /// All formats. If a name has two of the endings, the later format counts.
+    /// All formats. If a name has two of the endings, the later format wins.
     pub const ALL: &[SceneFormat] = &[
         SceneFormat {
             ending: "ply",
@@ -251,7 +255,7 @@ impl SceneFormat {
             write: Some(gltf::write),
             ..USUAL
         },
-        // The reader of PLY recognises this one by its header.
+        // PLY's reader detects this one by its header.
         SceneFormat {
             ending: "compressed.ply",
             about: "PlayCanvas: positions of 11, 10 and 11 bits within chunks of 256 Gaussians",

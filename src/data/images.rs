@@ -1,4 +1,4 @@
-//! Photos as files: sizes, decoding, alpha and masks, and their way to the size and pinhole camera that training sees.
+//! Decodes photos with alpha and masks, and converts them to the size and the pinhole camera of training.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Cursor, Read, Seek};
@@ -18,25 +18,25 @@ use crate::{Error, Result};
 const MAX_SIDE: u32 = 1 << 15;
 /// 268 megapixels, more than any camera's sensor; 16-bit RGBA of that size decodes to 2 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
-/// No file holds more pixels than this in each of its bytes, so a header that says so is wrong, and is refused before memory is
-/// spent on it. PNG: deflate repeats at most 258 bytes with 2 bits, 1032 in a byte, of 8 pixels each. TIFF's and BMP's own
-/// codes repeat less. WebP has codes of no bits at all: nothing is known of it.
+/// PNG: maximum pixels per byte of a file. A header that claims more is wrong, and is refused before memory
+/// is allocated. Deflate repeats at most 258 bytes with 2 bits, so 1032 bytes per byte, of 8 pixels each.
+/// TIFF's and BMP's own codes repeat less. WebP has codes of no bits at all, so it has no such limit.
 const PNG_PIXELS_PER_BYTE: u64 = 1032 * 8;
-/// JPEG: at least a bit for each block of 8 × 8. The most pixels for a block are in a unit of 32 × 32 with two components of
-/// 4 × 1 and 1 × 4 blocks.
+/// JPEG: maximum pixels per byte of a file; at least a bit for each block of 8 × 8. The most pixels per block
+/// are in a unit of 32 × 32 with two components of 4 × 1 and 1 × 4 blocks.
 const JPEG_PIXELS_PER_BYTE: u64 = 8 * 32 * 32 / (4 + 4);
-/// Of a mean of zeros and ones in float32, so much is one.
+/// Threshold for a mean of ones in float32 to count as 1.
 const WHOLE: f32 = 0.999;
-/// A mask whose largest value is below this many steps holds labels: every label except 0 counts.
+/// A mask whose largest value is below this holds labels: every label except 0 counts as valid.
 const LABELS: f32 = 16.0;
-/// Fill for the bytes that a JPEG image lacks, to find the rows that depend on them. Each is a mix of zeros and ones, since no Huffman
-/// table has a code of ones alone.
+/// Fill values for the missing bytes of a truncated JPEG image, to find the rows that depend on them. Each
+/// mixes zeros and ones, since no Huffman table has a code of ones alone.
 const FILLERS: [u8; 3] = [0x55, 0x33, 0x0f];
-/// What to do about a file that cannot be used.
+/// Advice for a file that cannot be used.
 const NEXT: &str = "convert it, replace it, or remove it and do without";
 
 impl Image {
-    /// The same picture with fewer pixels, each the mean of the area that it covers. One counts where all that it is made of does.
+    /// Downscales the picture by averaging areas. A pixel is valid if all its source pixels are.
     pub fn reduced(&self, to: [u32; 2]) -> Image {
         let width = self.width as usize;
         let counts = |i: usize| self.mask.as_ref().is_none_or(|mask| mask[i]);
@@ -54,31 +54,31 @@ impl Image {
     }
 }
 
-/// Bytes of what was reduced.
+/// Rounds the result of downscaling to bytes.
 fn finish(reducer: Reducer, to: [u32; 2]) -> Image {
     let pixels = reducer.finish();
     let rgb = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b].map(super::write::to_byte)).collect();
-    // A reduced pixel counts where all that it is made of does.
+    // A downscaled pixel is valid if all its source pixels are.
     let mask: Vec<bool> = pixels.iter().map(|pixel| pixel[3] > WHOLE).collect();
     let mask = mask.contains(&false).then_some(mask);
     Image { width: to[0], height: to[1], rgb, mask }
 }
 
-/// What a header says.
+/// Contents of a file's header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) size: [u32; 2],
-    /// As it is decoded.
+    /// Bytes per pixel of the decoded image.
     pub(super) bytes_per_pixel: u8,
     pub(super) has_alpha: bool,
-    /// Whether it is a JPEG image without its end.
+    /// Whether it is a truncated JPEG image.
     pub(super) ends_early: bool,
 }
 
 /// A decoded file.
 struct Source<'a> {
     pixels: Buffer,
-    /// Of any size. A pixel counts if all masks are white there.
+    /// Masks of any size. A pixel is valid if it is white in all of them.
     masks: Vec<GrayImage>,
     alpha: Alpha,
     background: [f32; 3],
@@ -86,7 +86,7 @@ struct Source<'a> {
     reduce: Reduce,
 }
 
-/// Pixels as they came, so that no copy in floats is held beside them.
+/// Pixels in their decoded type, to avoid a second copy in floats.
 enum Buffer {
     Rgb(RgbImage),
     Rgba(RgbaImage),
@@ -132,11 +132,11 @@ impl Buffer {
 }
 
 impl Source<'_> {
-    /// Colour of a pixel of the file, and 1 where it counts or 0 where it does not.
+    /// Colour of a pixel of the file, then 1 if it is valid or 0 if it is masked.
     fn at(&self, x: u32, y: u32) -> [f32; 4] {
         let [r, g, b, a] = self.pixels.at(x, y);
         let counts = self.masks.iter().all(|mask| {
-            // A mask may be smaller than its photo, or larger.
+            // A mask may have another size than its photo.
             let ([w, h], (mw, mh)) = (self.pixels.size(), mask.dimensions());
             let along = |at: u32, of: u32, to: u32| ((2 * at as u64 + 1) * to as u64 / (2 * of as u64)) as u32;
             mask.get_pixel(along(x, w, mw), along(y, h, mh)).0[0] != 0
@@ -152,7 +152,8 @@ impl Source<'_> {
         }
     }
 
-    /// The bilinear value at a position in pixels (centres at +0.5), clamped to the edge; round the back of a sphere.
+    /// Bilinear value at a position in pixels (centres at +0.5), clamped to the edges, or wrapped around for
+    /// a sphere.
     fn sample(&self, x: f64, y: f64, wraps: bool) -> [f32; 4] {
         let [width, height] = self.pixels.size();
         let clamped = |at: f64, size: u32| {
@@ -175,7 +176,7 @@ impl Source<'_> {
         })
     }
 
-    /// The picture that a pinhole camera would have taken, reduced to the size `to`, row by row.
+    /// The picture of a pinhole camera, downscaled to the size `to`, row by row.
     fn prepare(&self, to: [u32; 2]) -> Image {
         let [width, height] = self.lens.map_or(self.pixels.size(), |lens| [lens.view.width, lens.view.height]);
         let wraps = self.lens.is_some_and(|lens| lens.distortion == super::Distortion::Equirectangular);
@@ -198,9 +199,9 @@ impl Source<'_> {
     }
 }
 
-/// `path` is only named in errors, here and below.
+/// Opens an image with limits. `path` is only used in errors, here and below.
 fn reader<R: BufRead + Seek>(input: R, path: &Path) -> Result<ImageReader<R>> {
-    // By content: endings lie often enough.
+    // By content, since file endings are often wrong.
     let mut reader = ImageReader::new(input).with_guessed_format().map_err(|source| Error::io(path, source))?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(MAX_PIXELS * 8);
@@ -222,7 +223,7 @@ fn decode_error(path: &Path, error: image::ImageError) -> Error {
     }
 }
 
-/// What the file's header says.
+/// Reads a file's header.
 pub(super) fn open(path: &Path) -> Result<Header> {
     let at = |source| Error::io(path, source);
     let file = File::open(path).map_err(at)?;
@@ -231,13 +232,13 @@ pub(super) fn open(path: &Path) -> Result<Header> {
     if !file.fill_buf().map_err(at)?.starts_with(&JPEG_START) {
         return header(file, length, path);
     }
-    // The decoder reads it all, too.
+    // The decoder reads the whole file too.
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(at)?;
     Ok(Header { ends_early: jpeg_is_cut(&bytes), ..header(Cursor::new(&bytes), length, path)? })
 }
 
-/// The EXIF orientation of a file, 1 to 8; 1 where it has none.
+/// The EXIF orientation of a file, 1 to 8; 1 if it has none.
 pub(super) fn orientation(path: &Path) -> u8 {
     File::open(path).map_or(1, |file| orientation_in(BufReader::new(file), path))
 }
@@ -249,13 +250,13 @@ fn orientation_in(input: impl BufRead + Seek, path: &Path) -> u8 {
     if plain != 1 {
         return plain;
     }
-    // Some WebP and PNG writers put JPEG's marker before the data.
+    // Some WebP and PNG writers put JPEG's marker in front of the data.
     let exif = decoder.exif_metadata().ok().flatten().unwrap_or_default();
     let marked = exif.strip_prefix(b"Exif\0\0").and_then(Orientation::from_exif_chunk);
     marked.map_or(1, Orientation::to_exif)
 }
 
-/// The size of a picture once it is turned by its EXIF orientation.
+/// Size of a picture after its rotation by the EXIF orientation.
 pub(super) fn upright([width, height]: [u32; 2], orientation: u8) -> [u32; 2] {
     if matches!(orientation, 5..=8) { [height, width] } else { [width, height] }
 }
@@ -265,7 +266,7 @@ fn turn(mut image: DynamicImage, orientation: u8) -> DynamicImage {
     image
 }
 
-/// What the header of an image of `length` bytes says.
+/// Reads and checks the header of an image of `length` bytes.
 fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<Header> {
     let reader = reader(input, path)?;
     let densest = match reader.format() {
@@ -291,7 +292,7 @@ fn header(input: impl BufRead + Seek, length: u64, path: &Path) -> Result<Header
     Ok(Header { size: [width, height], bytes_per_pixel, has_alpha, ends_early: false })
 }
 
-/// The size with the longer side at most `max_size`, never enlarged, each side at least 1.
+/// The size with a longer side of at most `max_size`; never enlarges; each side is at least 1.
 pub(super) fn fit([width, height]: [u32; 2], max_size: Option<u32>) -> [u32; 2] {
     let longer = width.max(height);
     match max_size {
@@ -302,20 +303,22 @@ pub(super) fn fit([width, height]: [u32; 2], max_size: Option<u32>) -> [u32; 2] 
     }
 }
 
-/// Bytes of memory that [`load`] takes at most, but for the file's own.
+/// Maximum bytes of memory of [`load`], not counting the file's own.
 pub(super) fn bytes_to_load(file: &ImageFile, to: [u32; 2]) -> u64 {
     let pixels = |[width, height]: [u32; 2]| width as u64 * height as u64;
-    // Twice, since what is decoded may be converted, and a decoder holds something beside it; and the mask. What is made: four
-    // floats, and the bytes in the end.
+    // Twice, because of conversions and the decoder's buffers; plus the mask. The result takes four floats,
+    // and finally the bytes.
     (2 * u64::from(file.bytes_per_pixel) + 1) * pixels(file.size) + (16 + 4) * pixels(to)
 }
 
-/// Decodes, turns, puts alpha over `background` (sRGB values, as NeRF does) or takes it for a mask, takes out the lens and shrinks,
-/// in this order. Structure-from-motion tools ignore orientation tags or obey them: the size of the camera says which.
+/// Decodes and rotates an image, blends alpha over `background` (sRGB values, as in NeRF) or uses it as a
+/// mask, removes the lens, and downscales, in this order. Structure-from-motion tools differ in obeying
+/// orientation tags: the camera's size decides.
 pub(super) fn load(file: &ImageFile, to: [u32; 2], background: [f32; 3]) -> Result<Image> {
     let path = &file.path;
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    // The header again: the file may have changed, and its size has to be sound before memory is spent on it.
+    // Check the header again: the file may have changed, and its size must be valid before memory is
+    // allocated.
     let found = header(Cursor::new(&bytes), bytes.len() as u64, path)?.size;
     let size = upright(found, file.orientation);
     // guard: images: the size they had
@@ -356,13 +359,13 @@ fn prepare(
     Source { pixels: Buffer::new(decoded), masks, alpha, background, lens, reduce }.prepare(to)
 }
 
-/// Reads the mask of a photo of this size, white where pixels count. The photo may be a reduced copy. The mask may be upright, have an EXIF
-/// orientation of its own, or lie as the photo's file does.
+/// Reads the mask of a photo of this size, white for valid pixels. The photo may be a downscaled copy. The
+/// mask may be upright, have its own EXIF orientation, or lie as the photo's file does.
 fn read_mask(path: &Path, photo: [u32; 2], orientation: u8) -> Result<GrayImage> {
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     let size = header(Cursor::new(&bytes), bytes.len() as u64, path)?.size;
     let fits = |turned: &u8| {
-        // As of intrinsics: a reduced side is rounded to a whole pixel.
+        // As for intrinsics: a downscaled side is rounded to whole pixels.
         let ([width, height], [w, h]) = (photo.map(f64::from), upright(size, *turned).map(f64::from));
         let (scale_x, scale_y) = (width / w, height / h);
         !((width - w * scale_y).abs() > 1.0 && (height - h * scale_x).abs() > 1.0)
@@ -377,8 +380,9 @@ fn read_mask(path: &Path, photo: [u32; 2], orientation: u8) -> Result<GrayImage>
     Ok(where_it_counts(turn(decode(&bytes, path, size)?, turned)))
 }
 
-/// White where a mask is at least half as bright as its brightest pixel: soft edges and labels of 0 and 1 both work. If the color is the
-/// same everywhere, alpha is the mask; otherwise transparency darkens.
+/// Binarises a mask: white if at least half as bright as its brightest pixel, so that soft edges and labels
+/// of 0 and 1 both work. If the colour is the same everywhere, alpha is the mask; otherwise transparency
+/// darkens.
 fn where_it_counts(mask: DynamicImage) -> GrayImage {
     let step = if mask.color().bytes_per_pixel() > mask.color().channel_count() { 1.0 / 65535.0 } else { 1.0 / 255.0 };
     let pixels = Buffer::new(mask);
@@ -393,7 +397,7 @@ fn where_it_counts(mask: DynamicImage) -> GrayImage {
     GrayImage::from_fn(width, height, white)
 }
 
-/// Counts the rows of a JPEG image without its end that do not depend on what follows.
+/// Number of rows of a truncated JPEG image that do not depend on the missing bytes.
 fn rows_before_the_cut(decoded: &DynamicImage, bytes: &[u8], path: &Path) -> u32 {
     let size = [decoded.width(), decoded.height()];
     let filled = FILLERS
@@ -407,7 +411,7 @@ fn rows_before_the_cut(decoded: &DynamicImage, bytes: &[u8], path: &Path) -> u32
     filled.map_or(0, same) as u32
 }
 
-/// Decodes `bytes` as [`load`] does, in the size they say.
+/// Decodes `bytes` like [`load`], at their own size.
 pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
     let size = header(Cursor::new(bytes), bytes.len() as u64, path)?.size;
     prepare(decode(bytes, path, size)?, Vec::new(), None, Alpha::Background, [0.0; 3], Reduce::Area, size);
@@ -416,8 +420,9 @@ pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
 
 fn decode(bytes: &[u8], path: &Path, expected: [u32; 2]) -> Result<DynamicImage> {
     let reader = reader(Cursor::new(bytes), path)?;
-    // A damaged JPEG can overflow arithmetic of the decoder (zune-jpeg 0.5.15, `receive_extend`; found by fuzzing), which panics
-    // where overflow is checked, as in debug builds. The reader is gone afterwards, so nothing half-done is seen.
+    // A damaged JPEG can overflow arithmetic in the decoder (zune-jpeg 0.5.15, `receive_extend`; found by
+    // fuzzing). With overflow checks, as in debug builds, it then panics. The reader is dropped, so no
+    // partial state is seen.
     let decoded = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| reader.decode()))
         .map_err(|_| Error::input(path, "cannot be decoded: the image is damaged"))?
         .map_err(|error| decode_error(path, error))?;
@@ -430,8 +435,8 @@ fn decode(bytes: &[u8], path: &Path, expected: [u32; 2]) -> Result<DynamicImage>
 const JPEG_START: [u8; 2] = [0xff, 0xd8];
 const JPEG_END: [u8; 2] = [0xff, 0xd9];
 
-/// Whether `bytes` begin a JPEG image (ITU T.81, annex B) that never ends. The decoder fills what is missing with grey and says
-/// nothing. Only what follows the first scan's header counts: a thumbnail has an end of its own.
+/// Whether `bytes` are a truncated JPEG image (ITU T.81, annex B). The decoder silently fills missing data
+/// with grey. Only bytes after the first scan's header matter: a thumbnail has its own end marker.
 fn jpeg_is_cut(bytes: &[u8]) -> bool {
     if !bytes.starts_with(&JPEG_START) {
         return false;
@@ -448,7 +453,7 @@ fn jpeg_is_cut(bytes: &[u8]) -> bool {
                 Some(&length) => 2 + usize::from(u16::from_be_bytes(length)),
                 None => return true,
             },
-            // Padding, or what does not belong here.
+            // Padding, or invalid bytes.
             _ => 1,
         };
     }
@@ -512,7 +517,7 @@ mod tests {
         let of = |application: usize, end: &[u8]| {
             let length = (application as u16 + 2).to_be_bytes();
             let mut bytes = [&[0xff, 0xd8, 0xff, 0xe1][..], &length].concat();
-            // A thumbnail within, which ends.
+            // An embedded thumbnail with an end marker.
             bytes.resize(bytes.len() + application - 2, 7);
             bytes.extend([0xff, 0xd9]);
             bytes.extend([0xff, 0xda, 0, 2, 1, 2, 3, 0xff, 0, 4]);
@@ -531,7 +536,7 @@ mod tests {
     fn a_reduced_pixel_counts_where_all_it_is_made_of_does() {
         let white = DynamicImage::ImageRgb8(RgbImage::from_pixel(6, 2, image::Rgb([255; 3])));
         let mut all = source(white, Alpha::Background, [0.0; 3]);
-        // Of half the size: each of its pixels is two of the photo's.
+        // A mask of half the size: each of its pixels covers two of the photo's.
         all.masks = vec![GrayImage::from_vec(3, 1, vec![255, 1, 0]).unwrap()];
         assert_eq!(all.prepare([6, 2]).mask.unwrap(), [true, true, true, true, false, false].repeat(2));
         assert_eq!(all.prepare([3, 1]).mask.unwrap(), [true, true, false]);
@@ -540,7 +545,7 @@ mod tests {
         assert_eq!(all.prepare([2, 1]).mask, None);
     }
 
-    /// What a lens does not show is masked, not smeared.
+    /// Pixels outside of the lens's image are masked, not smeared.
     #[test]
     fn a_distorted_picture_of_a_smooth_function_becomes_the_function() {
         let file = Frame { width: 64, height: 48, fx: 60.0, fy: 62.0, cx: 33.0, cy: 23.5 };
@@ -581,8 +586,8 @@ mod tests {
                     worst = error.fold(worst, f32::max);
                 }
             }
-            // Bilinear error is h²/8 · f'' = (1/60)²/8 · 1.6 = 6e-5 and rounding to bytes 2e-3; half a pixel of edge clamping adds
-            // at most 0.8/120 = 7e-3.
+            // The bilinear error is h²/8 · f'' = (1/60)²/8 · 1.6 = 6e-5, and rounding to bytes gives 2e-3.
+            // Half a pixel of edge clamping adds at most 0.8/120 = 7e-3.
             assert!(worst < 9e-3, "{distortion:?}: {worst}");
         }
     }
@@ -611,7 +616,7 @@ mod tests {
             let found = file(&path).unwrap();
             assert_eq!((found.size, found.bytes_per_pixel), ([9, 7], 3), "{ending}");
             assert_eq!(load(&found, [9, 7], [0.0; 3]).unwrap().rgb, *picture.as_raw(), "{ending}");
-            // 7 bytes for each pixel of the file, 20 for each of the result.
+            // 7 bytes per pixel of the file, 20 per pixel of the result.
             assert_eq!(bytes_to_load(&found, [3, 2]), 7 * 63 + 20 * 6);
         }
     }
@@ -673,7 +678,7 @@ mod tests {
         }
     }
 
-    /// A picture of noise, so that every block has bytes of its own.
+    /// A picture of noise, so that the data of each block differs.
     fn noise(width: u32, height: u32) -> RgbImage {
         let mut state = 1u32;
         RgbImage::from_fn(width, height, |_, _| {
@@ -696,7 +701,7 @@ mod tests {
         };
         let whole = read(&bytes, 1);
         assert!(whole.mask.is_none() && !open(&path).unwrap().ends_early);
-        // All pixels are there.
+        // All pixels are present.
         assert_eq!(read(&bytes[..bytes.len() - 2], 1), whole);
         assert!(open(&path).unwrap().ends_early);
         let header = bytes.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
@@ -705,13 +710,13 @@ mod tests {
             let found = read(&bytes[..cut], 1);
             let counts = found.mask.unwrap();
             let rows = counts.iter().filter(|&&counts| counts).count() / 48;
-            // To a row of blocks, of which the last is not whole.
+            // To within a row of blocks, the last of which is partial.
             let there = 64 * (cut - header) / (bytes.len() - header);
             assert!((there.saturating_sub(24)..=there).contains(&rows) && rows > 0, "{rows} of {there}");
             assert!(counts[..48 * rows].iter().all(|&counts| counts));
             assert_eq!(found.rgb[..3 * 48 * rows], whole.rgb[..3 * 48 * rows]);
         }
-        // Turned by a quarter: what is at the bottom of the file is at the left.
+        // Rotated by a quarter: the bottom of the file is at the left.
         let turned = read(&bytes[..half], 6).mask.unwrap();
         assert!(turned.chunks_exact(64).all(|row| !row[0] && row[63]));
     }
@@ -723,7 +728,7 @@ mod tests {
         let rgba = |pixels: [[u8; 4]; 4]| DynamicImage::from(RgbaImage::from_vec(4, 1, pixels.concat()).unwrap());
         let [black, white] = [[0, 0, 0, 255], [255; 4]];
         for (mask, expected) in [
-            // As JPEG leaves edges, and a black that is 1.
+            // Soft edges after JPEG compression, and a black of 1.
             (gray([0, 22, 233, 255]), [0, 0, 1, 1]),
             (gray([1, 1, 255, 1]), [0, 0, 1, 0]),
             // A darker white, and labels.
@@ -734,7 +739,7 @@ mod tests {
             (wide([0, 300, 65535, 40000]), [0, 0, 1, 1]),
             (gray([0; 4]), [0; 4]),
             (gray([255; 4]), [1; 4]),
-            // In colour, as palettes have it; in alpha, over white and over black; in both.
+            // Masks in colour, as from palettes; in alpha, over white and over black; in both.
             (rgba([black, [0, 0, 200, 255], [128, 0, 0, 255], [9, 20, 0, 255]]), [0, 1, 1, 0]),
             (rgba([white, [255, 255, 255, 0], [255, 255, 255, 120], white]), [1, 0, 0, 1]),
             (rgba([black, [0; 4], black, [0; 4]]), [1, 0, 1, 0]),
@@ -761,7 +766,7 @@ mod tests {
                 [true, true, true, true, false, false, false, false]
             );
         }
-        // As the photo's file lies.
+        // Oriented like the photo's file.
         let turned = read_mask(&mask, [6, 8], 6).unwrap();
         assert_eq!(turned.dimensions(), (6, 8));
         assert_eq!((turned.get_pixel(0, 0)[0], turned.get_pixel(0, 7)[0]), (255, 0), "left is now the top");

@@ -1,6 +1,6 @@
 //! Counts what a reader leaves out, and names it in a note.
 
-/// How many names a note lists after the first.
+/// Number of names that a note lists after the first.
 const NAMED: usize = 3;
 
 /// Entries of a file that are not used: their count, and the first few names.

@@ -1,4 +1,4 @@
-//! Camera models of COLMAP, OpenCV and nerfstudio, and taking them out of a photo.
+//! Camera models of COLMAP, OpenCV and nerfstudio, and their removal from photos.
 //!
 //! Models and their parameters: <https://colmap.github.io/cameras.html>. Rays are in camera axes (x right, y down, z forward);
 //! pixel centres lie at +0.5.
@@ -15,26 +15,27 @@ pub enum Distortion {
         /// ω, radians.
         omega: f64,
     },
-    /// Fitzgibbon 2001: r = r' / (1 + k r'²), r' being the distance in the image.
+    /// Fitzgibbon 2001: r = r' / (1 + k r'²), with r' the distance in the image.
     Division {
         /// Coefficient of r'², r' relative to the focal length.
         k: f64,
     },
     /// Khomutenko et al. 2016, the enhanced unified camera model.
     Unified {
-        /// Part of the distance from the centre of projection in the depth, 0 to 1.
+        /// Weight of the distance from the centre of projection in the depth, 0 to 1.
         alpha: f64,
-        /// Weight of the distance across.
+        /// Weight of the lateral distance.
         beta: f64,
     },
-    /// Longitude and latitude of the whole sphere, as shares of a turn and of half a turn.
+    /// Longitude and latitude of the whole sphere, as fractions of a full and a half turn.
     Equirectangular,
 }
 
-/// Brown–Conrady distortion of x/z and y/z, or of the fisheye's angles. With all coefficients 0 and no fisheye a pinhole.
+/// Brown–Conrady distortion of x/z and y/z, or of the fisheye's angles. A pinhole if all coefficients are 0
+/// and `fisheye` is false.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Polynomial {
-    /// The image is at the ray's angle from the axis, not at its tangent.
+    /// Project by the ray's angle from the axis, not by its tangent.
     pub fisheye: bool,
     /// The radius is multiplied by (1 + Σ radial[i] r²⁽ⁱ⁺¹⁾) / (1 + Σ divisor[i] r²⁽ⁱ⁺¹⁾).
     pub radial: [f64; 6],
@@ -44,7 +45,7 @@ pub struct Polynomial {
     pub tangential: [f64; 2],
     /// Adds p[0] r² + p[1] r⁴ to x, p[2] r² + p[3] r⁴ to y.
     pub prism: [f64; 4],
-    /// The last two act on what the first two made, not beside them.
+    /// Evaluate `tangential` and `prism` at the result of the radial part, not at the undistorted position.
     pub in_turn: bool,
 }
 
@@ -65,14 +66,14 @@ fn series(coefficients: &[f64], t: f64) -> (f64, f64) {
 }
 
 impl Polynomial {
-    /// What the radius is multiplied by, and the derivative of that by r².
+    /// Factor of the radius, and its derivative by r².
     fn factor(&self, r2: f64) -> (f64, f64) {
         let ((n, dn), (d, dd)) = (series(&self.radial, r2), series(&self.divisor, r2));
         let (n, d) = (1.0 + n, 1.0 + d);
         (n / d, (dn * d - n * dd) / (d * d))
     }
 
-    /// Where (u, v) goes, and the Jacobian.
+    /// Image of (u, v), and the Jacobian.
     fn bend(&self, at: DVec2) -> (DVec2, DMat2) {
         let r2 = at.length_squared();
         let (factor, slope) = self.factor(r2);
@@ -86,7 +87,7 @@ impl Polynomial {
             2.0 * p1 * p.x * p.y + p2 * (r2 + 2.0 * p.x * p.x) + x1 * r2 + x2 * r2 * r2,
             p1 * (r2 + 2.0 * p.y * p.y) + 2.0 * p2 * p.x * p.y + y1 * r2 + y2 * r2 * r2,
         );
-        // Derivatives of the prism's parts by r² times ∂r²/∂p = 2 p.
+        // Derivatives of the prism terms by r², times ∂r²/∂p = 2 p.
         let prism = DVec2::new(x1 + 2.0 * x2 * r2, y1 + 2.0 * y2 * r2);
         let by_x = DVec2::new(2.0 * p1 * p.y + 6.0 * p2 * p.x, 2.0 * p1 * p.x + 2.0 * p2 * p.y) + 2.0 * p.x * prism;
         let by_y = DVec2::new(2.0 * p1 * p.x + 2.0 * p2 * p.y, 6.0 * p1 * p.y + 2.0 * p2 * p.x) + 2.0 * p.y * prism;
@@ -114,13 +115,13 @@ impl Polynomial {
 }
 
 impl Distortion {
-    /// OpenCV's k1, k2, p1 and p2, the usual ones.
+    /// OpenCV's common coefficients k1, k2, p1 and p2.
     pub fn opencv(k1: f64, k2: f64, p1: f64, p2: f64) -> Self {
         let radial = [k1, k2, 0.0, 0.0, 0.0, 0.0];
         Distortion::Polynomial(Polynomial { radial, tangential: [p1, p2], ..Default::default() })
     }
 
-    /// A fisheye whose angle is distorted by up to four coefficients.
+    /// A fisheye with up to four coefficients for the distortion of the angle.
     pub fn fisheye(k: [f64; 4]) -> Self {
         let radial = [k[0], k[1], k[2], k[3], 0.0, 0.0];
         Distortion::Polynomial(Polynomial { fisheye: true, radial, ..Default::default() })
@@ -148,7 +149,8 @@ impl Distortion {
         }
     }
 
-    /// The radius beyond which [`Distortion::apply`] gives nothing: of tan or, for a fisheye, of the angle.
+    /// The radius beyond which [`Distortion::apply`] returns `None`: of the tangent or, for a fisheye, of the
+    /// angle.
     fn reach(&self) -> f64 {
         match self {
             // A tangent of 100 is 89.4°.
@@ -157,8 +159,8 @@ impl Distortion {
         }
     }
 
-    /// Where the lens puts a ray; `None` where the model cannot be believed: behind a lens that does not see there, and beyond
-    /// the radius at which it folds back onto itself. `reach` is [`Distortion::reach`].
+    /// Maps a ray to the image. `None` if the model is invalid there: behind a lens that does not see
+    /// backward, and beyond the radius at which it folds back onto itself. `reach` is [`Distortion::reach`].
     fn apply(&self, ray: DVec3, reach: f64) -> Option<DVec2> {
         let DVec3 { x, y, z } = ray;
         let across = ray.truncate();
@@ -166,7 +168,7 @@ impl Distortion {
             Distortion::Polynomial(polynomial) => {
                 let at = if polynomial.fisheye {
                     let r = across.length();
-                    // Where angle and tangent are the same.
+                    // In the limit, angle and tangent are equal.
                     let scale = if r > 0.0 { r.atan2(z) / r } else { 1.0 / z };
                     across * scale
                 } else {
@@ -189,7 +191,7 @@ impl Distortion {
                 (z > 0.0).then_some(at * scale)
             }
             Distortion::Division { k } => {
-                // r k r'² − r' + r = 0, of whose roots the one that is r for k = 0.
+                // r k r'² − r' + r = 0: the root that equals r for k = 0.
                 let root = z * z - 4.0 * k * across.length_squared();
                 (z > 0.0 && root > 0.0).then(|| across * (2.0 / (z + root.sqrt())))
             }
@@ -222,28 +224,28 @@ pub struct Frame {
     pub cy: f64,
 }
 
-/// A photo's own camera, and the pinhole camera whose picture is made of it.
+/// A photo's own camera, and the pinhole camera of the prepared picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lens {
-    /// Of the image file.
+    /// Intrinsics of the image file.
     pub file: Frame,
-    /// From a ray to its place in the file.
+    /// Distortion from a ray to its position in the file.
     pub distortion: Distortion,
-    /// Of the picture, before it is reduced.
+    /// Intrinsics of the picture before downscaling.
     pub view: Frame,
-    /// Takes the view's rays to the file's.
+    /// Rotation from the view's rays to the file's.
     pub turn: DMat3,
     reach: f64,
 }
 
 impl Lens {
-    /// The picture has size, focal lengths and principal point of the file.
+    /// The picture keeps the file's size, focal lengths and principal point.
     pub fn new(file: Frame, distortion: Distortion) -> Lens {
         Lens { file, distortion, view: file, turn: DMat3::IDENTITY, reach: distortion.reach() }
     }
 
-    /// The six faces of the cube around an equirectangular image, with their names. As many pixels to a radian in the middle
-    /// of a face as the image has.
+    /// The six faces of the cube around an equirectangular image, with their names. The middle of a face has
+    /// the image's pixels per radian.
     pub fn cube(file: Frame) -> [(&'static str, Lens); 6] {
         let side = (file.width as f64 / std::f64::consts::PI).round().max(1.0);
         let half = 0.5 * side;
@@ -257,7 +259,7 @@ impl Lens {
         })
     }
 
-    /// Where in the file the view's position (x, y) is, and whether the file shows it.
+    /// Position in the file of the view's position (x, y), and whether the file covers it.
     pub(super) fn source(&self, x: f64, y: f64) -> (DVec2, bool) {
         let Lens { file, view, .. } = self;
         let ray = self.turn * DVec3::new((x - view.cx) / view.fx, (y - view.cy) / view.fy, 1.0);
@@ -267,8 +269,8 @@ impl Lens {
         (at, inside)
     }
 
-    /// The part of the picture, 0 to 1, that the file does not show. Found on at most 128 × 128 pixels spread evenly, so to
-    /// about 1 % of the picture's width.
+    /// Fraction of the picture, 0 to 1, outside of the file. Sampled on at most 128 × 128 pixels spread
+    /// evenly, so with an error of about 1 % of the picture's width.
     pub fn outside_fraction(&self) -> f64 {
         let (columns, rows) = (self.view.width.clamp(1, 128), self.view.height.clamp(1, 128));
         let at = |i: u32, of: u32, size: u32| (i as f64 + 0.5) * size as f64 / of as f64;
@@ -298,13 +300,13 @@ mod tests {
             for (u, v) in [(0.0, 0.0), (0.3, -0.2), (-0.1, 0.4)] {
                 let [once, twice] = [1.0, 2.5]
                     .map(|length| distortion.apply(length * DVec3::new(u, v, 1.0), distortion.reach()).unwrap());
-                // Some roundings of float64.
+                // A few roundings of float64.
                 assert!(once.distance(twice) < 1e-12, "{distortion:?}: {once} {twice}");
             }
         }
     }
 
-    /// One of each model with coefficients as real lenses have them.
+    /// One lens of each model, with realistic coefficients.
     fn lenses() -> Vec<Distortion> {
         let radial = [0.08, -0.03, 0.004, 0.0, 0.0, 0.0];
         let full =
@@ -352,7 +354,7 @@ mod tests {
         assert!((at(full, 0.5, -0.25).unwrap().0 - 0.5 * factor / below).abs() < 1e-15);
     }
 
-    /// Figures worked out by hand from the definitions in COLMAP's documentation and the papers it names.
+    /// Values worked out by hand from the definitions in COLMAP's documentation and the papers that it cites.
     #[test]
     fn every_model_is_its_definition_at_a_point() {
         let near = |got: Option<(f64, f64)>, want: (f64, f64)| {
@@ -381,7 +383,7 @@ mod tests {
         let (r2, r4) = (angle.powi(2), angle.powi(4));
         let want = (angle + 0.1 * r2 + 0.01 * r4, 0.2 * r2 + 0.02 * r4);
         near(at(Distortion::Polynomial(prism), 1.0, 0.0), want);
-        // In turn: what is added is of the radius after the radial part.
+        // In turn: the added terms use the radius after the radial part.
         let turns = Polynomial { radial: [0.5, 0.0, 0.0, 0.0, 0.0, 0.0], in_turn: true, ..prism };
         let x = angle * (1.0 + 0.5 * r2);
         let want = (x + 0.1 * x.powi(2) + 0.01 * x.powi(4), 0.2 * x.powi(2) + 0.02 * x.powi(4));
@@ -394,11 +396,12 @@ mod tests {
         let turn = 1.0 / 0.9f64.sqrt();
         let fold = Distortion::opencv(-0.3, 0.0, 0.0, 0.0);
         assert!(at(fold, turn - 1e-6, 0.0).is_some() && at(fold, turn + 1e-6, 0.0).is_none());
-        // x (1 − x² + 0.25 x⁴) falls between x = √0.4 and √2 and grows again, where a test of the slope alone would be content.
+        // x (1 − x² + 0.25 x⁴) falls between x = √0.4 and √2 and then grows again, so a test of the slope
+        // alone would accept it.
         let again = Distortion::opencv(-1.0, 0.25, 0.0, 0.0);
         assert!((again.reach() - 0.4f64.sqrt()).abs() < 1e-9);
         assert!(at(again, 0.6, 0.0).is_some() && at(again, 1.0, 0.0).is_none() && at(again, 1.6, 0.0).is_none());
-        // Real roots end: 4 k r² = 1 at r = 1.
+        // The real root ends at 4 k r² = 1, so at r = 1.
         let division = Distortion::Division { k: 0.25 };
         assert!(at(division, 0.999, 0.0).is_some() && at(division, 1.001, 0.0).is_none());
         for lens in lenses().into_iter().filter(|lens| !lens.is_fisheye()) {
@@ -422,7 +425,8 @@ mod tests {
             }
         }
 
-        /// A straight line through the middle stays one in a radial lens, and angles keep their order in all.
+        /// A straight line through the middle stays one in a radial lens, and every lens keeps the order of
+        /// angles.
         #[test]
         fn farther_rays_lie_farther_out(which in 0..10usize, turn in 0.0..std::f64::consts::TAU, r in 0.01..0.8f64) {
             let lens = lenses()[which];
@@ -449,11 +453,11 @@ mod tests {
         // |x| (1 + 1000 r²) > edge in the corners only: r² ≥ 0 adds at most 1000 · 0.0016 = 1.6 times.
         let outside = pincushion.outside_fraction();
         assert!(outside > 0.2 && outside < 0.7, "{outside}");
-        // A fisheye of the same focal length shows all that a pinhole does.
+        // A fisheye of the same focal length covers everything that a pinhole does.
         assert_eq!(Lens::new(frame(64, 48, 20.0), Distortion::fisheye([0.0; 4])).outside_fraction(), 0.0);
     }
 
-    /// Each face looks where its name says, neighbours meet at their edges, and no ray is mirrored.
+    /// Each face looks in the direction of its name, neighbours meet at their edges, and no ray is mirrored.
     #[test]
     fn the_faces_of_a_cube_cover_the_sphere() {
         let file = Frame { width: 200, height: 100, fx: 200.0, fy: 100.0, cx: 100.0, cy: 50.0 };
@@ -467,8 +471,8 @@ mod tests {
         assert_eq!([0, 1, 3].map(middle), [100.0, 150.0, 50.0].map(|x| DVec2::new(x, 50.0)));
         assert!((middle(2).x - 200.0).abs() < 1e-9 || middle(2).x.abs() < 1e-9);
         assert_eq!((middle(4).y, middle(5).y), (0.0, 100.0));
-        // The right edge of the front is the left edge of the right face, and so on; the upper edge of the front the lower
-        // one of the face above.
+        // The right edge of the front is the left edge of the right face, and so on; the upper edge of the
+        // front is the lower edge of the face above.
         let same = |a: (usize, f64, f64), b: (usize, f64, f64)| {
             let (p, q) = (faces[a.0].1.source(a.1, a.2).0, faces[b.0].1.source(b.1, b.2).0);
             assert!((p - q).length() < 1e-9, "{p} {q}");

@@ -8,24 +8,24 @@ use super::lens::{Distortion, Frame};
 use super::photo::Split;
 use super::points::PointCloud;
 
-/// A photo as a dataset's files describe it.
+/// A photo as listed in a dataset's files.
 pub(super) struct Entry {
-    /// As it is listed, `/` between folders.
+    /// Listing name, with `/` between folders.
     pub(super) name: String,
-    /// `None` where there is no such file.
+    /// `None` if there is no such file.
     pub(super) path: Option<PathBuf>,
-    /// Where it should be, for errors.
+    /// Expected path, for errors.
     pub(super) expected: PathBuf,
-    /// Whether the file has another case, ending or folder than the name.
+    /// Whether the file's case, ending or folder differs from the name.
     pub(super) respelled: bool,
     pub(super) mask: Option<PathBuf>,
-    /// The file that names it, for errors.
+    /// The file that lists it, for errors.
     pub(super) listed_in: PathBuf,
     pub(super) camera: SourceCamera,
     /// World to camera, OpenCV axes.
     pub(super) rotation: DMat3,
     pub(super) translation: DVec3,
-    /// Why it has no pose or no intrinsics.
+    /// Reason why it has no pose or no intrinsics.
     pub(super) lost: Option<String>,
     pub(super) split: Option<Split>,
 }
@@ -59,23 +59,23 @@ pub(super) enum Focal {
         x: f64,
         y: Option<f64>,
     },
-    /// The image is the whole sphere: what stands for a focal length is its size.
+    /// The image is the whole sphere: its size determines the focal length.
     Sphere,
 }
 
-/// Intrinsics as a file gives them.
+/// Intrinsics as given in a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SourceCamera {
-    /// The image size that they are for; the file's own if not given.
+    /// Image size that they refer to; if missing, the file's own.
     pub(super) size: Option<[f64; 2]>,
     pub(super) focal: Focal,
-    /// The middle if not given.
+    /// Principal point; if missing, the middle.
     pub(super) center: Option<[f64; 2]>,
     pub(super) distortion: Distortion,
 }
 
 impl SourceCamera {
-    /// What is wrong with the numbers, before any image is known.
+    /// Checks the numbers, before any image is known.
     pub(super) fn check(&self) -> Result<(), String> {
         // guard: focal lengths
         let positive = |v: &f64| v.is_finite() && *v > 0.0;
@@ -108,7 +108,7 @@ impl SourceCamera {
         }
     }
 
-    /// Whether the principal point, if nothing says what size it is for, lies nearer to the middle of an image with both sides swapped.
+    /// Whether the principal point fits better to an image with both sides swapped; only if no size is given.
     pub(super) fn seems_turned(&self, size: [u32; 2]) -> bool {
         let (None, Some([cx, cy])) = (self.size, self.center) else { return false };
         let off = |[w, h]: [f64; 2]| (cx / w - 0.5).abs().max((cy / h - 0.5).abs());
@@ -116,12 +116,12 @@ impl SourceCamera {
         off([h, w]) < off([w, h])
     }
 
-    /// The intrinsics for an image file of this size, which may be a reduced copy of what they were made for.
+    /// The intrinsics for an image file of this size, which may be a downscaled copy of the original.
     pub(super) fn for_image(&self, [width, height]: [u32; 2]) -> Result<Frame, String> {
         let (disk_w, disk_h) = (width as f64, height as f64);
         let [w, h] = self.size.unwrap_or([disk_w, disk_h]);
         let (scale_x, scale_y) = (disk_w / w, disk_h / h);
-        // A reduced size is rounded to whole pixels, in either direction.
+        // A downscaled size is rounded to whole pixels, in either direction.
         if (disk_w - w * scale_y).abs() > 1.0 && (disk_h - h * scale_x).abs() > 1.0 {
             let turned = if width != height && disk_w == h && disk_h == w {
                 " (it is turned: rotate the photo, or remove it)"
@@ -141,7 +141,8 @@ impl SourceCamera {
             Focal::Sphere => [w, h],
         };
         let [cx, cy] = self.center.unwrap_or([0.5 * w, 0.5 * h]);
-        // Real principal points are within a few percent of the middle; that of an image twice as large is at the edge.
+        // Real principal points are within a few percent of the middle; that of an image twice as large is at
+        // the edge.
         let far = |c: f64, size: f64| (c - 0.5 * size).abs() > 0.25 * size;
         if self.size.is_none() && (far(cx, w) || far(cy, h)) {
             return Err(format!(
@@ -165,7 +166,7 @@ mod tests {
 
     #[test]
     fn intrinsics_follow_the_size_of_the_file() {
-        // Mip-NeRF 360: 4946 × 3286, whose copies reduced 4 times are 1237 × 822.
+        // Mip-NeRF 360: 4946 × 3286, with 4 times smaller copies of 1237 × 822.
         let frame = camera(Some([4946.0, 3286.0])).for_image([1237, 822]).unwrap();
         let (sx, sy) = (1237.0 / 4946.0, 822.0 / 3286.0);
         assert_eq!([frame.fx, frame.fy, frame.cx, frame.cy], [4000.0 * sx, 4100.0 * sy, 2400.0 * sx, 1700.0 * sy]);
@@ -174,7 +175,7 @@ mod tests {
         let of_vga = |size| camera(Some([640.0, 480.0])).for_image(size).unwrap_err();
         assert!(of_vga([480, 640]).contains("turned"));
         assert!([[480, 600], [500, 640], [300, 200]].iter().all(|&size| !of_vga(size).contains("turned")));
-        // One side's rounding is enough, a whole pixel of it.
+        // It suffices that one side matches up to rounding by a whole pixel.
         assert!(camera(Some([1000.0, 10.0])).for_image([500, 4]).is_ok());
         assert!(camera(Some([10.0, 1000.0])).for_image([4, 500]).is_ok());
         assert_eq!(camera(None).for_image([4800, 3400]).unwrap().fx, 4000.0);
@@ -191,7 +192,7 @@ mod tests {
         let off = |cx: f64, cy: f64| SourceCamera { center: Some([cx, cy]), ..camera(None) }.for_image([100, 60]);
         assert!(off(30.0, 20.0).is_ok() && off(74.0, 44.0).is_ok() && off(25.0, 15.0).is_ok());
         assert!(off(24.0, 30.0).is_err() && off(50.0, 46.0).is_err() && off(50.0, -500.0).is_err());
-        // With a size it is the file's word.
+        // With a given size, the file is trusted.
         let sure = SourceCamera { size: Some([100.0, 60.0]), center: Some([-500.0, 30.0]), ..camera(None) };
         assert_eq!(sure.for_image([100, 60]).unwrap().cx, -500.0);
     }

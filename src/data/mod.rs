@@ -1,4 +1,4 @@
-//! What comes in and goes out: PLY scenes, COLMAP and transforms.json datasets, images, tensors, the built-in scene.
+//! Input and output: PLY scenes, COLMAP and transforms.json datasets, images, tensors, the built-in scene.
 
 #[cfg(feature = "train")]
 mod advice;

@@ -1,5 +1,5 @@
-//! Files by names that other systems wrote: with backslashes, in another case or Unicode form, with another ending or none, in
-//! folders of another machine.
+//! Finds files by names that other systems wrote: with backslashes, in another case or Unicode form, with
+//! another ending or none, in folders of another machine.
 
 use std::cell::OnceCell;
 use std::collections::HashMap;
@@ -8,15 +8,15 @@ use std::path::{Component, Path, PathBuf};
 
 use unicode_normalization::UnicodeNormalization;
 
-/// Endings of image files that are read.
+/// Endings of supported image files.
 pub(super) const ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp"];
-/// A folder with more files than this is no folder of photos; what lies beyond is not looked at.
+/// Maximum number of files to list: a folder with more is not a folder of photos.
 const MAX_FILES: usize = 1_000_000;
 
 /// Looks files up below a folder.
 pub(super) struct Finder {
     folder: PathBuf,
-    /// Made when a name is not there as it is written.
+    /// Listing of the folder, made when a name is not found as written.
     listing: OnceCell<Listing>,
 }
 
@@ -43,12 +43,13 @@ impl Finder {
         Finder { folder: folder.into(), listing: OnceCell::new() }
     }
 
-    /// Where a file of this name would be.
+    /// Path of a file with exactly this name.
     pub(super) fn expected(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
 
-    /// The image file that `name` means, and whether it is written otherwise. `None` where there is none, or more than one.
+    /// The image file for `name`, and whether it is spelled differently. `None` if there is none, or more
+    /// than one.
     pub(super) fn find(&self, name: &str) -> Option<(PathBuf, bool)> {
         let literal = self.expected(name);
         if literal.is_file() {
@@ -59,7 +60,7 @@ impl Finder {
         if here.is_file() {
             return Some((here, true));
         }
-        // NeRF Synthetic leaves the ending out.
+        // NeRF Synthetic omits the ending.
         if without_ending(&plain) == plain {
             let with = ENDINGS.iter().map(|ending| self.folder.join(format!("{plain}.{ending}")));
             if let Some(found) = with.into_iter().find(|path| path.is_file()) {
@@ -80,7 +81,7 @@ impl Finder {
             })
     }
 
-    /// As [`Finder::find`]; if nothing is found, tries the tails of `name`, which may start with folders of another machine.
+    /// [`Finder::find`], then the tails of `name`, which may start with folders of another machine.
     pub(super) fn find_moved(&self, name: &str) -> Option<(PathBuf, bool)> {
         let plain = slashes(name);
         self.find(name).or_else(|| tails(&plain).skip(1).find_map(|tail| self.find(tail)).map(|(path, _)| (path, true)))
@@ -112,7 +113,7 @@ impl Finder {
         self.find(&colmaps).or_else(|| self.find(name)).map(|found| found.0)
     }
 
-    /// As [`Finder::find_mask`], by the longest tail of the photo's name.
+    /// [`Finder::find_mask`] by the longest tail of the photo's name.
     pub(super) fn find_mask_of_tail(&self, name: &str) -> Option<PathBuf> {
         tails(&slashes(name)).find_map(|tail| self.find_mask(tail))
     }
@@ -122,7 +123,8 @@ impl Finder {
     }
 }
 
-/// The form in which names are compared: lower case, and composed, since macOS writes a letter and its accent apart.
+/// Normalised form of names for comparison: lower case, and composed, since macOS stores a letter and its
+/// accent separately.
 fn key(name: &str) -> String {
     composed(&name.to_lowercase())
 }
@@ -132,7 +134,7 @@ pub(super) fn composed(name: &str) -> String {
     name.nfc().collect()
 }
 
-/// The form in which names of two lists are compared: with `/`, composed, without the ending.
+/// Normalised form of names in two lists: with `/`, composed, without the ending.
 pub(super) fn compared(name: &str) -> String {
     composed(without_ending(&slashes(name)))
 }
@@ -147,18 +149,18 @@ pub(super) fn tails(name: &str) -> impl Iterator<Item = &str> {
     std::iter::successors(Some(name), |name| name.split_once('/').map(|(_, tail)| tail))
 }
 
-/// Whether a name begins at the root of some system: `/home/x`, `C:\x`, `\\server\x`.
+/// Whether a name starts at the root of some system: `/home/x`, `C:\x`, `\\server\x`.
 pub(super) fn is_absolute(name: &str) -> bool {
     let drive =
         name.as_bytes().first_chunk().is_some_and(|[letter, colon]| letter.is_ascii_alphabetic() && *colon == b':');
     drive || name.starts_with(['/', '\\'])
 }
 
-/// `name` with `/` between folders and without `.` parts, as it is compared and shown.
+/// `name` with `/` between folders and without `.` parts, for comparison and display.
 pub(super) fn slashes(name: &str) -> String {
     let parts = name.split(['/', '\\']).filter(|part| !part.is_empty() && *part != ".");
     let joined = parts.collect::<Vec<_>>().join("/");
-    // An absolute name stays one.
+    // An absolute name stays absolute.
     if name.starts_with('/') { format!("/{joined}") } else { joined }
 }
 
@@ -170,7 +172,7 @@ pub(super) fn without_ending(name: &str) -> &str {
     }
 }
 
-/// A URI with its `%20`s and the like as they are meant.
+/// Decodes the percent escapes (`%20`) of a URI; `None` if they are invalid.
 pub(super) fn unescape(uri: &str) -> Option<String> {
     let mut out = Vec::new();
     let mut bytes = uri.bytes();
@@ -187,7 +189,7 @@ pub(super) fn unescape(uri: &str) -> Option<String> {
     String::from_utf8(out).ok()
 }
 
-/// `name` without what could lead out of a folder, so that outputs may be named after photos.
+/// `name` without parts that could lead out of a folder, so that outputs can be named after photos.
 pub(super) fn clean(name: &str) -> String {
     let parts = Path::new(name).components().filter_map(|part| match part {
         // guard: names within a folder (2 lines)
@@ -213,7 +215,7 @@ fn list(root: &Path) -> Listing {
             if count > MAX_FILES {
                 return listing;
             }
-            // Links to folders could lead round in circles.
+            // Links to folders could form cycles.
             if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
                 folders.push((path, format!("{name}/")));
                 continue;
@@ -280,7 +282,7 @@ mod tests {
         is("my%20photo.png", "my photo.png", true);
         is("My photo.png ", "my photo.png", true);
         is("50%20.png", "50%20.png", false);
-        // Which one is meant cannot be told, or nothing is.
+        // Ambiguous names, and names without a file.
         for name in ["two.tif", "CASE.png", "sub/a.png", "b.jpg", "x", "x.txt/a", "", "sub"] {
             assert_eq!(find(name), None, "{name}");
         }
@@ -295,7 +297,7 @@ mod tests {
             let finder = Finder::new(folder.path());
             let file = folder.path().join(format!("\u{dc}/{there}"));
             assert_eq!(finder.find(&format!("U\u{308}/{listed}")), Some((file.clone(), true)));
-            // As it is there, nothing is respelled.
+            // Spelled exactly, so not respelled.
             assert_eq!(finder.find(&format!("\u{dc}/{there}")), Some((file, false)));
             assert_eq!(finder.find_mask(listed), Some(folder.path().join(format!("{there}.png"))));
         }

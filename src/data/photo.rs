@@ -10,51 +10,53 @@ use super::points::PointCloud;
 use super::reduce::Reduce;
 use crate::scene::Camera;
 
-/// The folders beside a photo's own, by the same names, that hold its diffuse and its specular part where the truth is known.
+/// Folders next to the photos' own with their diffuse and specular parts, under the same names, if the truth
+/// is known.
 pub const DIFFUSE: &str = "diffuse";
 /// See [`DIFFUSE`].
 pub const SPECULAR: &str = "specular";
 
-/// How photos are found and prepared.
+/// Options for finding and preparing photos.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DatasetOptions {
-    /// Photos whose longer side exceeds this many pixels are reduced to it. Nothing is ever enlarged.
+    /// Maximum longer side, pixels: larger photos are downscaled to it, smaller ones are never enlarged.
     pub max_size: Option<u32>,
-    /// How they are reduced.
+    /// Method of downscaling.
     pub reduce: Reduce,
-    /// Photos that `images_2`, `_4` or `_8` has at the size that they would be reduced to are taken from there, unless `images` says where
-    /// they are.
+    /// Use the photos in `images_2`, `_4` or `_8` if their size equals the downscaled size. Ignored if
+    /// `images` is set.
     pub reduced_folders: bool,
-    /// What transparent pixels are put over, sRGB values 0 to 1. Black by default.
+    /// Colour behind transparent pixels, sRGB values 0 to 1. Black by default.
     pub background: [f32; 3],
-    /// The folder of the photos, in the dataset or a path of its own; by default where the dataset has them.
+    /// Folder of the photos, in the dataset or elsewhere; `None` for the dataset's usual folder.
     pub images: Option<PathBuf>,
-    /// The folder of the COLMAP model, in the dataset or a path of its own; by default the first of the usual places.
+    /// Folder of the COLMAP model, in the dataset or elsewhere; `None` for the first of the usual places.
     pub model: Option<PathBuf>,
-    /// Which photos are for testing, where the dataset does not say.
+    /// Selects the test photos, unless the dataset lists them.
     pub holdout: Holdout,
-    /// What transparency means.
+    /// Meaning of transparency.
     pub alpha: Alpha,
 }
 
-/// Which photos are for testing.
+/// Selection of the test photos.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Holdout {
-    /// Those that the dataset's own lists name; without lists the first by name and every 8th after it.
+    /// The dataset's own lists; without lists, the first by name and every 8th after it.
     #[default]
     Dataset,
     /// The first by name and every n-th after it.
     Every(u32),
-    /// An eighth that lies together: of cameras that go round something, by angle; else one end of their largest spread.
+    /// A contiguous eighth of the cameras: by angle if they surround something, otherwise one end of their
+    /// largest spread.
     Sector,
-    /// None: all are for training.
+    /// None: all photos are for training.
     Nothing,
 }
 
 impl FromStr for Holdout {
     type Err = String;
 
-    /// `none`, `sector` or a number from 2; what the dataset says has no name.
+    /// Parses `none`, `sector` or a number from 2; [`Holdout::Dataset`] has no name.
     fn from_str(text: &str) -> Result<Holdout, String> {
         match text {
             "none" => Ok(Holdout::Nothing),
@@ -68,7 +70,7 @@ impl FromStr for Holdout {
 }
 
 impl fmt::Display for Holdout {
-    /// As histories and pages name it: equal where the same photos are held out.
+    /// Writes the name used in histories and reports: equal names hold out the same photos.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Holdout::Dataset => f.write_str("default"),
@@ -79,7 +81,7 @@ impl fmt::Display for Holdout {
     }
 }
 
-/// What transparency means.
+/// Meaning of transparency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Alpha {
@@ -90,21 +92,22 @@ pub enum Alpha {
     Mask,
 }
 
-/// What a photo is for.
+/// Purpose of a photo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Split {
-    /// Photos that scenes learn from.
+    /// Photos for training.
     Train,
-    /// Photos that they are measured on.
+    /// Photos for testing.
     Test,
 }
 
-/// Where a dataset comes from.
+/// Origin of a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DatasetKind {
     /// A COLMAP model, binary or text.
     Colmap,
-    /// NeRF Synthetic: transforms.json whose focal length is an angle, and cameras around the cube of those scenes.
+    /// NeRF Synthetic: a transforms.json with an angle as focal length, and cameras around the cube of those
+    /// scenes.
     Blender,
     /// transforms.json of instant-ngp or nerfstudio.
     Transforms,
@@ -112,26 +115,26 @@ pub enum DatasetKind {
     Memory,
 }
 
-/// An image file and what its pixels go through.
+/// An image file, and the processing of its pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageFile {
-    /// Where it was found.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Width and height of the picture, after it is turned.
+    /// Width and height of the picture after its rotation.
     pub size: [u32; 2],
-    /// The EXIF orientation, 1 to 8, by which the file's pixels are turned; 1 leaves them as they are.
+    /// EXIF orientation, 1 to 8, to rotate the file's pixels by; 1 leaves them unchanged.
     pub orientation: u8,
-    /// Of the file, as it is decoded.
+    /// Bytes per pixel of the decoded file.
     pub bytes_per_pixel: u8,
     /// Whether pixels may be transparent.
     pub has_alpha: bool,
-    /// What is taken out of it; none for a pinhole.
+    /// Lens to remove; `None` for a pinhole.
     pub lens: Option<Lens>,
-    /// An image whose black pixels do not count.
+    /// A mask image; its black pixels are ignored.
     pub mask: Option<PathBuf>,
-    /// What transparency means.
+    /// Meaning of transparency.
     pub alpha: Alpha,
-    /// How it is downscaled.
+    /// Method of downscaling.
     pub reduce: Reduce,
 }
 
@@ -144,18 +147,17 @@ pub struct Image {
     pub height: u32,
     /// 8-bit sRGB, `[height · width · 3]`, rows from the top.
     pub rgb: Vec<u8>,
-    /// By pixel, `false` where it says nothing of the scene and is left out of losses and metrics; all count where there is no
-    /// mask.
+    /// By pixel, `false` if it is masked: losses and metrics ignore it. `None` if all pixels are valid.
     pub mask: Option<Vec<bool>>,
 }
 
 impl Image {
-    /// Whether any pixel says something of the scene.
+    /// Whether any pixel is valid.
     pub fn any_counts(&self) -> bool {
         self.mask.as_ref().is_none_or(|mask| mask.contains(&true))
     }
 
-    /// The pixels as the device has them: R in the low byte, and in the high one 255 where the pixel counts, else 0.
+    /// The pixels in the device's format: R in the low byte; the high byte is 255 for valid pixels, else 0.
     pub fn packed(&self) -> Vec<u32> {
         let counts = |i: usize| self.mask.as_ref().is_none_or(|mask| mask[i]);
         let pixels = self.rgb.chunks_exact(3).enumerate();
@@ -163,51 +165,53 @@ impl Image {
     }
 }
 
-/// Where a photo's pixels are.
+/// Storage of a photo's pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PixelSource {
-    /// Decoded when it is asked for.
+    /// A file, decoded on demand.
     File(Box<ImageFile>),
-    /// Of the photo's camera's size.
+    /// An image of the size of the photo's camera.
     Memory(Arc<Image>),
 }
 
 /// One photo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Photo {
-    /// The name in the dataset, relative and with `/` between folders; unique. Of a panorama's faces, each has its own.
+    /// Unique relative name in the dataset, with `/` between folders. Each face of a panorama has its own
+    /// name.
     pub name: String,
-    /// The camera of the prepared image: without distortion, and of its reduced size.
+    /// Camera of the prepared image: undistorted and downscaled.
     pub camera: Camera,
-    /// For training or for testing.
+    /// Training or testing.
     pub split: Split,
-    /// Where they are read from.
+    /// Storage of the pixels.
     pub pixels: PixelSource,
 }
 
 /// A set of photos, sorted by name, and sparse points if there are any.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
-    /// What the files are.
+    /// Format of the dataset's files.
     pub kind: DatasetKind,
     /// Sorted by name.
     pub photos: Vec<Photo>,
-    /// Where the base may begin.
+    /// Sparse points for the first scene.
     pub points: Option<PointCloud>,
-    /// What transparent pixels are put over, sRGB values 0 to 1.
+    /// Colour behind transparent pixels, sRGB values 0 to 1.
     pub background: [f32; 3],
-    /// Whether any photo has lens distortion taken out.
+    /// Whether lens distortion is removed from any photo.
     pub undistorted: bool,
-    /// The largest part of an undistorted photo, 0 to 1, that its file does not show and that does not count.
+    /// Largest fraction of an undistorted photo, 0 to 1, outside of its file; such pixels are ignored.
     pub outside: f64,
-    /// The files that describe it. With [`Dataset::photo_files`] all that it is read from.
+    /// The files that describe the dataset. Together with [`Dataset::photo_files`], all files that it is read
+    /// from.
     pub sources: Vec<PathBuf>,
-    /// What its user would not expect: what was left out, replaced or guessed, a sentence each.
+    /// Notes for the user on anything left out, replaced or guessed, one sentence each.
     pub notes: Vec<String>,
 }
 
 impl Dataset {
-    /// The files that pixels come from.
+    /// The image files of all photos.
     pub fn photo_files(&self) -> Vec<&Path> {
         let files = self.photos.iter().filter_map(|photo| match &photo.pixels {
             PixelSource::File(file) => Some(std::iter::once(&file.path).chain(&file.mask)),
@@ -216,14 +220,14 @@ impl Dataset {
         files.flatten().map(PathBuf::as_path).collect()
     }
 
-    /// Photos of one split, with their index.
+    /// Photos of one split, each with its index.
     pub fn split(&self, split: Split) -> impl Iterator<Item = (usize, &Photo)> {
         self.photos.iter().enumerate().filter(move |(_, photo)| photo.split == split)
     }
 }
 
 impl Photo {
-    /// Whether the background may shine through it.
+    /// Whether the background may be visible through it.
     pub(super) fn shows_background(&self) -> bool {
         matches!(&self.pixels, PixelSource::File(file) if file.has_alpha && file.alpha == Alpha::Background)
     }

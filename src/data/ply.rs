@@ -1,15 +1,16 @@
-//! Scenes and point clouds in PLY files.
+//! Reads scenes from PLY files.
 //!
-//! A scene has the layout that the 3DGS reference trainer writes: element `vertex` with x y z, nx ny nz (ignored), f_dc_0..2,
-//! f_rest_0..(3(L+1)²−4) channel-major, opacity (logit), scale_0..2 (natural log), rot_0..3 (w x y z). Where colours are spherical betas,
-//! sb_params_0..11 stand in the place of f_rest, as DBS writes them: r, g, b, θ, φ and b of both lobes, number by number. Supplementary
-//! Gaussians are a second element `augmented` with the same properties and lobe_x lobe_y lobe_z lobe_width lobe_sharpness.
+//! The layout is that of the 3DGS reference trainer: element `vertex` with x y z, nx ny nz (ignored),
+//! f_dc_0..2, f_rest_0..(3(L+1)²−4) channel-major, opacity (logit), scale_0..2 (natural log), rot_0..3 (w x y
+//! z). Spherical betas have sb_params_0..11 instead of f_rest, like DBS: r, g, b, θ, φ and b of both lobes,
+//! number by number. Supplementary Gaussians are a second element `augmented` with the same properties and
+//! lobe_x lobe_y lobe_z lobe_width lobe_sharpness.
 //!
-//! Where a base has learned together with its supplement, `vertex` is the base as it was, which other viewers show, and an element
-//! `learned` has those properties that changed, row by row, and after them the plain Gaussians that were added.
+//! If a base was trained together with its supplement, `vertex` is the original base, for other viewers. An
+//! element `learned` then has the changed properties, row by row, and after them the added plain Gaussians.
 //!
-//! Both are announced in comments (see `ply_format`), so that readers of one element open the file. Declared as elements, as glint once
-//! wrote them, they are read too.
+//! Comments announce both elements (see `ply_format`), so that readers of a single element can open the file.
+//! Older files of glint declare them as ordinary elements; these are read too.
 
 use std::path::Path;
 
@@ -28,16 +29,17 @@ use crate::scene::{
 use crate::stages::constants::constants::SH_C0;
 use crate::{Error, Result};
 
-/// Colours that some writers have in place of f_dc_*: 0 to 255, or as floats 0 to 1 if none is larger.
+/// Colours that some writers store instead of f_dc_*: 0 to 255, or floats of 0 to 1 if none is larger.
 const PLAIN: [&str; 3] = ["red", "green", "blue"];
 
-/// Columns that an element has, with the index of each property.
+/// Columns of an element, with the index of each property.
 struct Columns {
-    /// All columns; in `learned` only those that changed, with all coefficients beyond the constant one or none.
+    /// All columns; for `learned` only the changed ones, with all coefficients beyond the constant one or
+    /// none.
     places: Vec<(usize, Place)>,
     /// Index of [`FILTER`].
     filter: Option<usize>,
-    /// Set if the element has colours in place of their coefficients: whether they are integers.
+    /// Set if the element has colours instead of coefficients: whether they are integers.
     plain: Option<bool>,
     sh_degree: u32,
     lobed: bool,
@@ -62,7 +64,7 @@ impl Columns {
         Ok(Columns { places, filter: element.scalar(FILTER), plain: plain.then(integers), sh_degree, lobed })
     }
 
-    /// Finds the columns of `learned`, which belongs to a base of this degree.
+    /// Finds the columns of `learned`, for a base of this degree.
     fn learned(element: &Element, sh_degree: u32) -> Result<Columns, String> {
         let all = columns(sh_degree, false);
         let rest = all.iter().filter(|(_, place)| place.is_rest()).count();
@@ -76,7 +78,7 @@ impl Columns {
         Ok(Columns { places, filter: None, plain: None, sh_degree, lobed: false })
     }
 
-    /// Sets these columns of row `i`. Means count from `origin`.
+    /// Sets these columns of row `i`. Means are relative to `origin`.
     fn set(&self, values: &[f64], origin: DVec3, gaussians: &mut Gaussians, lobes: &mut Lobes, i: usize) {
         for &(at, place) in &self.places {
             let begin = if let Place::Mean(axis) = place { origin[axis] } else { 0.0 };
@@ -99,7 +101,7 @@ impl Columns {
         self.set(values, origin, gaussians, lobes, i);
     }
 
-    /// Replaces these columns of `base`. Rows beyond its own are new Gaussians.
+    /// Replaces these columns of `base`. Extra rows are new Gaussians.
     fn apply(&self, rows: &[Vec<f64>], origin: DVec3, base: &mut Gaussians) -> Result<(), String> {
         let count = base.len();
         let fixed = self.places.iter().filter(|(_, place)| !place.is_rest()).count();
@@ -125,7 +127,7 @@ fn resize(gaussians: &mut Gaussians, rows: usize) {
     gaussians.sh.resize(rows * gaussians.sh_coefficients(), [0.0; 3]);
 }
 
-/// Finds the color model of an element by the number of its properties with a prefix.
+/// Degree of an element's colours, from the number of properties with each name.
 fn degree_of(element: &str, count: impl Fn(&str) -> usize) -> Result<u32, String> {
     let mut prefixes: Vec<&str> = MODELS.iter().map(|model| model.ply_prefix).collect();
     prefixes.dedup();
@@ -149,8 +151,9 @@ fn degree_of(element: &str, count: impl Fn(&str) -> usize) -> Result<u32, String
     })
 }
 
-/// A 3DGS scene, with its supplement if it has one, whatever its numbers are. Properties may have any order and any numeric type;
-/// those that are not known, and unknown elements, are skipped. `path` is only named in errors.
+/// Reads a 3DGS scene, with its supplement if it has one, without checking the numbers. Properties may have
+/// any order and any numeric type; unknown properties and elements are skipped. `path` is only used in
+/// errors.
 pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
     let fail = |what: String| Error::input(path, what);
     let ply = Ply::parse(bytes, path)?;
@@ -181,7 +184,7 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
         match (&element.name[..], &extra_columns) {
             (BASE, _) => base_columns.push(values, origin, &mut base, &mut Lobes::default()),
             (SUPPLEMENT, Some(columns)) => columns.push(values, origin, &mut extra, &mut lobes),
-            // It may come before `vertex`.
+            // `learned` may come before `vertex`.
             (LEARNED, _) => learned.push(values.to_vec()),
             _ => {}
         }
@@ -213,7 +216,7 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
     Ok(SceneFile { shown, trained_with: ply.trained_with, notes, ..scene.into() })
 }
 
-/// What a PLY without a single splat property seems to be.
+/// Describes a PLY without any splat property, if its content is recognised.
 fn describe_non_splats(ply: &Ply) -> Option<&'static str> {
     let vertex = ply.element(BASE)?;
     if vertex.scalar("packed_position").is_some() {
@@ -251,7 +254,7 @@ mod tests {
     use crate::data::{Dropped, parse_scene, read_scene, read_scene_leniently, write_scene, write_scene_file};
     use crate::scene::color::BETAS;
 
-    /// Numbers that no order or channel swap can confuse.
+    /// Distinct numbers, so that a swap of order or channels shows.
     fn gaussians(n: usize, sh_degree: u32, seed: f32) -> Gaussians {
         let mut next = seed;
         let mut number = || {
@@ -304,7 +307,7 @@ mod tests {
         }
     }
 
-    /// The same scene as text, with properties shuffled, types mixed, and things in between that nobody knows.
+    /// The scene as text, with shuffled properties, mixed types and unknown content in between.
     fn ascii(big_endian: bool) -> (Vec<u8>, Scene) {
         let names = ["rot_3", "rot_2", "rot_1", "rot_0", "z", "y", "x", "opacity", "scale_2", "scale_1", "scale_0"];
         let mut header = String::from(if big_endian {
@@ -403,7 +406,7 @@ mod tests {
         near(with("uchar", ["0 255 51", "255 0 204"]).unwrap(), expected);
         near(with("float", ["0 255 51", "255 0 204"]).unwrap(), expected);
         near(with("float", ["0 1 0.2", "1 0 0.8"]).unwrap(), expected);
-        // Those of one value are bytes too.
+        // Colours of a single value are bytes too.
         near(
             with("uchar", ["0 1 1", "1 1 0"]).unwrap()[..1].repeat(2),
             [[-half, 1.0 / 255.0 / 0.282_094_8 - half, 1.0 / 255.0 / 0.282_094_8 - half]; 2],
@@ -420,7 +423,7 @@ mod tests {
             write_augmented(&path, &original.base, scene).unwrap();
             assert_eq!(&read_scene(&path).unwrap(), scene);
             let bytes = fs::read(&path).unwrap();
-            // A reader that does not know the comment.
+            // Stands for a reader that does not know the comment.
             let strange = header_with(&bytes, "comment glint element learned", "comment glint element unknown");
             assert_eq!(parse_scene(&strange, &path).unwrap().base, original.base);
             bytes.len()
@@ -456,7 +459,7 @@ mod tests {
         write_scene_file(path, &SceneFile { shown: Some(shown.clone()), ..scene.clone().into() }).map(drop)
     }
 
-    /// As a reader sees it that takes one element and no comments.
+    /// Parses the file like a reader of a single element that ignores comments.
     fn strict(bytes: &[u8]) -> (Vec<String>, Vec<f32>) {
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
         let header = std::str::from_utf8(&bytes[..end]).unwrap();
@@ -493,13 +496,13 @@ mod tests {
         assert_eq!(parse_scene(&declared, path).unwrap(), whole);
         let gone = &bytes[..bytes.len() - 2 * gaussian_bytes(1, true) as usize];
         assert_eq!(parse_scene(gone, path).unwrap(), Scene { base: whole.base.clone(), ..Default::default() });
-        // A tool has put the comments first.
+        // A tool may move the comments to the front.
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
         let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
         let (comments, others): (Vec<&str>, Vec<&str>) = header.lines().partition(|line| line.starts_with("comment"));
         let lines = [&others[..2], &comments, &others[2..]].concat().join("\n") + "\n";
         assert_eq!(parse_scene(&[lines.as_bytes(), &bytes[end..]].concat(), path).unwrap(), whole);
-        // Part of it is no block, and other comments are comments.
+        // A partial block is an error; other comments are ignored.
         expect(&bytes[..bytes.len() - 1], &["`augmented`", "1 bytes too few"]);
         let head = "ply\nformat ascii 1.0\ncomment glint\ncomment glint was here\n";
         expect(format!("{head}comment glint property float x\nend_header\n").as_bytes(), &["no element comes before"]);
@@ -532,7 +535,7 @@ mod tests {
         expected.extend((0..9).map(|i| format!("f_rest_{i}")));
         expected.extend("opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3".split(' ').map(String::from));
         assert_eq!(names, expected);
-        // f_rest_3 of the first row is the second channel of the first coefficient above the constant.
+        // f_rest_3 of the first row is the second channel of the first coefficient above the constant one.
         let body = &bytes[bytes.len() - 3 * 26 * 4..];
         let value = f32::from_le_bytes(body[4 * (9 + 3)..][..4].try_into().unwrap());
         assert_eq!(value, scene(1, false).base.sh[1][1]);
@@ -671,7 +674,7 @@ mod tests {
         expect(many.as_bytes(), &["4000000000 rows", "at least"]);
     }
 
-    /// As kernels draw them all; those of squares beyond float32 were once refused.
+    /// Kernels draw all of these; those with squares beyond float32 were once refused.
     #[test]
     fn rotations_and_lobes_may_have_any_length() {
         let mut odd = scene(1, true);
@@ -683,7 +686,7 @@ mod tests {
     #[test]
     fn numbers_that_are_none_are_refused_by_name() {
         let patch_of = |degree: u32, edit: &dyn Fn(&mut Scene)| {
-            // The writer refuses such a scene, so the rows of a sound one are replaced.
+            // The writer refuses such a scene, so replace the rows of a valid one.
             let sound = scene(degree, true);
             let mut edited = sound.clone();
             edit(&mut edited);
@@ -721,7 +724,7 @@ mod tests {
         expect(text.replacen("-70000", "ten", 1).as_bytes(), &["row 0", "`ten` is not a number"]);
     }
 
-    /// Real exports have opacities that are no numbers here and there.
+    /// Real exports contain a few opacities that are NaN.
     #[test]
     fn a_lenient_reader_drops_and_counts_what_is_not_sound() {
         let folder = tempfile::tempdir().unwrap();
@@ -747,7 +750,7 @@ mod tests {
         let (means, widths) = (all.base.means.clone(), all.supplement.unwrap().lobes.widths);
         let (left, dropped) = read(&|_| ());
         assert_eq!((left, dropped), ((means.clone(), widths.clone()), Dropped::default()));
-        // Infinities with a meaning are kept, by the strict reader too.
+        // Meaningful infinities are kept, also by the strict reader.
         let (left, dropped) = read(&|s| {
             s.base.opacities[0] = f32::INFINITY;
             s.base.opacities[2] = f32::NEG_INFINITY;
@@ -770,7 +773,7 @@ mod tests {
             s.supplement.as_mut().unwrap().gaussians.means[0][1] = f32::NAN;
         });
         assert_eq!((left, dropped.base, dropped.supplementary), ((Vec::new(), vec![widths[1]]), 3, 1));
-        // A file that is no scene is none for this reader either.
+        // A file without a scene is an error for this reader too.
         fs::write(&path, "solid cube").unwrap();
         assert!(read_scene_leniently(&path).is_err());
     }

@@ -1,4 +1,4 @@
-//! Columns of a 3DGS PLY: their names, their order, and which number of a Gaussian each holds.
+//! Columns of a 3DGS PLY: their names, their order, and their places in a Gaussian.
 
 use crate::scene::{Gaussians, Lobes, color};
 
@@ -9,7 +9,7 @@ pub(super) const LEARNED: &str = "learned";
 /// An empty list, for Gaussians without lobes.
 pub(super) static NO_LOBES: Lobes = Lobes { directions: Vec::new(), widths: Vec::new(), sharpness: Vec::new() };
 
-/// One of the numbers that a Gaussian has.
+/// One of a Gaussian's numbers.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Place {
     Mean(usize),
@@ -32,7 +32,7 @@ impl Place {
 
 macro_rules! number {
     ($name:ident $(, $mut:tt)?) => {
-        /// The number of Gaussian `i`, whose lobe, if there is one, is in `lobes`.
+        /// The number of Gaussian `i`; `lobes` has its lobe, if there is one.
         pub(super) fn $name<'a>(g: &'a $($mut)? Gaussians, lobes: &'a $($mut)? Lobes, i: usize, place: Place) -> &'a $($mut)? f32 {
             let first = i * g.sh_coefficients();
             match place {
@@ -51,7 +51,7 @@ macro_rules! number {
 number!(number);
 number!(number_mut, mut);
 
-/// All columns but normals, in the reference trainer's order.
+/// All columns except normals, in the reference trainer's order.
 pub(super) fn columns(sh_degree: u32, lobed: bool) -> Vec<(String, Place)> {
     let colors = color::of(sh_degree);
     let rest = (0..3 * (colors.coefficients - 1)).map(|i| {

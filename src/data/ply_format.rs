@@ -1,13 +1,15 @@
-//! The PLY container: header, elements and rows, whatever they describe.
+//! Parses the PLY container: header, elements and rows, independent of their meaning.
 //!
-//! Format: Greg Turk, "The PLY Polygon File Format", 1994, in its three encodings. Numbers are handed out as f64, which
-//! holds every value of every PLY type.
+//! Format: Greg Turk, "The PLY Polygon File Format", 1994, in its three encodings. Numbers are returned as
+//! f64, which represents every value of every PLY type exactly.
 //!
-//! Many readers take a file of one element only. What they need not know is a block behind the rows of the declared elements, announced
-//! in comments: `comment glint element NAME ROWS` and `comment glint property TYPE NAME` say what they would say without the first two
-//! words. A tool that keeps comments and drops the block leaves a sound file.
+//! Many readers only accept files with one element. Further elements form a block after the rows of the
+//! declared ones, announced in comments: `comment glint element NAME ROWS` and `comment glint property TYPE
+//! NAME`, the usual lines after two more words. If a tool keeps the comments but drops the block, the file
+//! stays valid.
 //!
-//! `comment origin X Y Z` says where in the world the positions begin, in decimal numbers; for others see `trained_with`.
+//! `comment origin X Y Z` is the world position of the coordinate origin, in decimal numbers; for other
+//! comments see `trained_with`.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -17,7 +19,7 @@ use glam::DVec3;
 use super::trained_with::TrainedWith;
 use crate::{Error, Result};
 
-/// A header longer than this is not one: splats of SH degree 3 need 1.6 KB.
+/// Maximum length of a header: splats of SH degree 3 need 1.6 KB.
 const MAX_HEADER: usize = 1 << 20;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,10 +69,10 @@ impl Number {
         !matches!(self, Number::F32 | Number::F64)
     }
 
-    /// `bytes` holds exactly `self.bytes()` bytes.
+    /// Decodes `bytes`, which must have length `self.bytes()`.
     fn decode(self, bytes: &[u8], big: bool) -> f64 {
         let mut raw = [0u8; 8];
-        // Little-endian in the low bytes of `raw`, whatever the file's order.
+        // Little-endian in the low bytes of `raw`, for either byte order of the file.
         for (i, &byte) in bytes.iter().take(8).enumerate() {
             raw[if big { bytes.len() - 1 - i } else { i }] = byte;
         }
@@ -87,7 +89,7 @@ impl Number {
         }
     }
 
-    /// A float32 is parsed as one, so that it is rounded once only.
+    /// Parses float32 as such, so that it is rounded only once.
     fn parse(self, text: &str) -> Option<f64> {
         let number = match self {
             Number::F32 => text.parse::<f32>().ok().map(f64::from),
@@ -107,7 +109,7 @@ pub(super) fn is_nan_of_windows(word: &str) -> bool {
 pub(super) struct Property {
     pub(super) name: String,
     pub(super) number: Number,
-    /// The type of the count in front, for a list.
+    /// For a list, the type of its leading count.
     list: Option<Number>,
 }
 
@@ -120,10 +122,10 @@ impl Property {
 #[derive(Debug, Clone)]
 pub(super) struct Element {
     pub(super) name: String,
-    /// Rows that the header promises; believed only as far as the file's size allows.
+    /// Number of rows in the header; trusted only as far as the file's size allows.
     pub(super) rows: u64,
     pub(super) properties: Vec<Property>,
-    /// In comments.
+    /// Whether it is announced in comments.
     announced: bool,
 }
 
@@ -133,22 +135,22 @@ impl Element {
         self.properties.iter().position(|p| p.name == name && !p.is_list())
     }
 
-    /// Bytes of a row in the binary encodings, if that is the same for all rows.
+    /// Bytes per row in the binary encodings, if equal for all rows.
     fn row_bytes(&self) -> Option<usize> {
         self.properties.iter().map(|p| if p.is_list() { None } else { Some(p.number.bytes()) }).sum()
     }
 
-    /// The fewest bytes a row can take.
+    /// Minimum bytes of a row.
     fn least_row_bytes(&self, encoding: Encoding) -> usize {
         match encoding {
-            // A digit and a separator for each.
+            // A digit and a separator per property.
             Encoding::Ascii => 2 * self.properties.len(),
             _ => self.properties.iter().map(|p| p.list.unwrap_or(p.number).bytes()).sum(),
         }
     }
 }
 
-/// The comments that [`Ply::origin`] and [`Ply::trained_with`] come from; none for the world's origin.
+/// Writes the comments for [`Ply::origin`] and [`Ply::trained_with`]; none for the world's origin.
 #[cfg(feature = "train")]
 pub(super) fn write_comments(
     out: &mut impl std::io::Write,
@@ -162,7 +164,7 @@ pub(super) fn write_comments(
     trained_with.write_comments(out)
 }
 
-/// Whether a file that begins with these bytes is a PLY.
+/// Whether a file that starts with these bytes is a PLY.
 pub(super) fn is_ply(start: &[u8]) -> bool {
     start.starts_with(b"ply\n") || start.starts_with(b"ply\r\n")
 }
@@ -172,14 +174,14 @@ pub(super) struct Ply<'a> {
     path: &'a Path,
     encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// What positions count from: `comment origin X Y Z`.
+    /// Origin of the positions: `comment origin X Y Z`.
     pub(super) origin: DVec3,
     pub(super) trained_with: TrainedWith,
     body: &'a [u8],
 }
 
 impl<'a> Ply<'a> {
-    /// `path` is only named in errors.
+    /// Parses the header. `path` is only used in errors.
     pub(super) fn parse(bytes: &'a [u8], path: &'a Path) -> Result<Ply<'a>> {
         let fail = |what: String| Error::input(path, what);
         if !is_ply(bytes) {
@@ -187,7 +189,8 @@ impl<'a> Ply<'a> {
         }
         let (mut encoding, mut origin, mut trained_with) = (None, DVec3::ZERO, TrainedWith::default());
         let mut elements: Vec<Element> = Vec::new();
-        // Of the elements, and of the properties of the last one: a megabyte of header has a hundred thousand.
+        // Names of the elements, and of the last one's properties: sets, since a megabyte of header has a
+        // hundred thousand.
         let (mut names, mut property_names) = (HashSet::new(), HashSet::new());
         let mut at = 0;
         loop {
@@ -207,7 +210,7 @@ impl<'a> Ply<'a> {
             match words[..] {
                 ["ply"] | [] => {}
                 ["comment", "origin", x, y, z] => {
-                    // Of a comment nothing else is demanded.
+                    // Malformed comments are ignored.
                     let number = |text: &str| text.parse().ok().filter(|v: &f64| v.is_finite());
                     if let (Some(x), Some(y), Some(z)) = (number(x), number(y), number(z)) {
                         origin = DVec3::new(x, y, z);
@@ -262,11 +265,11 @@ impl<'a> Ply<'a> {
         let Some(encoding) = encoding else {
             return Err(fail("the PLY header has no `format` line".into()));
         };
-        // Also what bounds every loop over rows: each row takes at least a byte.
+        // This also limits every loop over rows: each row takes at least a byte.
         if let Some(empty) = elements.iter().find(|e| e.properties.is_empty() && e.rows > 0) {
             return Err(fail(format!("element `{}` promises {} rows but has no properties", empty.name, empty.rows)));
         }
-        // Wherever a tool has put the comments, the block is the last.
+        // The block comes last, wherever a tool has put the comments.
         elements.sort_by_key(|element| element.announced);
         let mut ply = Ply { path, encoding, elements, origin, trained_with, body: &bytes[at..] };
         // guard: PLY: a block that is gone
@@ -291,14 +294,15 @@ impl<'a> Ply<'a> {
         self.elements.iter().find(|e| e.name == name)
     }
 
-    /// Compares what the header promises with the bytes that are there, where that can be told without reading rows.
+    /// Compares the size promised by the header with the actual bytes, as far as possible without reading
+    /// rows.
     pub(super) fn check_size(&self) -> Result<()> {
         let have = self.body.len() as u128;
         let needs = |e: &Element, row: usize| e.rows as u128 * row as u128;
         let fixed = self.elements.iter().all(|e| e.row_bytes().is_some());
         if self.encoding == Encoding::Ascii || !fixed {
             let least: u128 = self.elements.iter().map(|e| needs(e, e.least_row_bytes(self.encoding))).sum();
-            // The last line's end may be missing.
+            // The last line break may be missing.
             // guard: PLY: sizes of text
             if least > have + 1 {
                 let promised = self.promises();
@@ -318,7 +322,7 @@ impl<'a> Ply<'a> {
         };
         let mut what =
             format!("the header promises {}, {need} bytes, but the body has {have}: {difference}", self.promises());
-        // With one element it can be said how many rows there are instead.
+        // With one element, the error can give the actual number of rows.
         if let [element] = &self.elements[..] {
             let row = element.row_bytes().unwrap_or(0).max(1) as u128;
             what += &match (have / row, have % row) {
@@ -339,8 +343,8 @@ impl<'a> Ply<'a> {
         each.collect::<Vec<_>>().join(" and ")
     }
 
-    /// Reads all rows of all elements in order. `visit` gets the element, the row number and the row's scalar values by
-    /// property index (a list's place holds 0). Fails where the body ends too early or does not end after the last row.
+    /// Reads all rows of all elements in order. `visit` gets the element, the row number and the row's scalar
+    /// values by property index (0 for lists). Fails if the body ends too early, or not after the last row.
     pub(super) fn for_each_row(&self, mut visit: impl FnMut(&Element, u64, &[f64]) -> Result<()>) -> Result<()> {
         self.check_size()?;
         match self.encoding {
@@ -420,7 +424,7 @@ impl<'a> Ply<'a> {
                             if !(0.0..).contains(&length) {
                                 return Err(self.bad_list(element, row, property));
                             }
-                            // Ends with the line at the latest.
+                            // Stops at the end of the line at the latest.
                             for _ in 0..length as u64 {
                                 next(property.number)?;
                             }

@@ -1,4 +1,5 @@
-//! Properties of other tools' PLY files that change a 3DGS scene: filters, positions of doubles, layouts that are not read.
+//! Handles properties of other tools' PLY files that change a 3DGS scene: filters, positions as doubles,
+//! unsupported layouts.
 
 use glam::DVec3;
 
@@ -6,15 +7,15 @@ use super::ply_columns::BASE;
 use super::ply_format::{Element, Number, Ply};
 use crate::Result;
 
-/// Where coordinates should begin that lie around `middle`, nine of ten within the 0.9 quantile of `distances` from it: there, if float32
-/// keeps less than 16 bits of that at the world's origin.
+/// Coordinate origin for means around `middle`: `middle` if float32 keeps less than 16 bits of the 0.9
+/// quantile of `distances` at the world's origin; otherwise the world's origin.
 pub(super) fn far_origin(middle: DVec3, mut distances: Vec<f64>) -> DVec3 {
     let Some(last) = distances.len().checked_sub(1) else { return DVec3::ZERO };
     let (_, &mut radius, _) = distances.select_nth_unstable_by(last * 9 / 10, f64::total_cmp);
     if middle.is_finite() && middle.length() > 256.0 * radius { middle } else { DVec3::ZERO }
 }
 
-/// What the means of a file should count from whose positions are `double`.
+/// Coordinate origin for the means of a file with positions of type `double`.
 pub(super) fn origin_of_doubles(ply: &Ply, element: &Element) -> Result<DVec3> {
     let xyz = ["x", "y", "z"].map(|name| element.scalar(name).filter(|&p| element.properties[p].number == Number::F64));
     let [Some(x), Some(y), Some(z)] = xyz else { return Ok(DVec3::ZERO) };
@@ -34,10 +35,10 @@ pub(super) fn origin_of_doubles(ply: &Ply, element: &Element) -> Result<DVec3> {
     Ok(far_origin(middle, places.into_iter().map(|place| place.distance(middle)).collect()))
 }
 
-/// Mip-Splatting's size that is to be added to each Gaussian.
+/// Mip-Splatting's filter, the size to add to each Gaussian.
 pub(super) const FILTER: &str = "filter_3D";
 
-/// Properties of layouts that are not read although they change the picture: how their names begin, and what that means.
+/// Properties of unsupported layouts that change the picture: prefixes of their names, and the meaning.
 const NOT_READ: [(&[&str], &str); 3] = [
     (&["sg_"], "colours that spherical Gaussians make depend on the view: what is read is the colour without them"),
     (
@@ -50,7 +51,7 @@ const NOT_READ: [(&[&str], &str); 3] = [
     ),
 ];
 
-/// What is said of an element's properties that have another effect than a 3DGS PLY's, or should have one.
+/// Notes on an element's properties that change the picture, or should change it but do not.
 pub(super) fn remarks(element: &Element) -> Vec<String> {
     let names = || element.properties.iter().map(|property| &property.name[..]);
     let mut notes: Vec<String> = NOT_READ
@@ -72,14 +73,14 @@ pub(super) fn remarks(element: &Element) -> Vec<String> {
     notes
 }
 
-/// A Gaussian with log scales and logit whose variances grow by that of a filter while its volume times opacity stays (Mip-Splatting,
-/// Yu 2024).
+/// Log scales and logit after a filter: variances grow by the filter's, and volume times opacity is preserved
+/// (Mip-Splatting, Yu 2024).
 pub(super) fn filtered(log_scales: [f32; 3], logit: f32, filter: f64) -> ([f32; 3], f32) {
     let own = log_scales.map(|v| (2.0 * f64::from(v)).exp());
     let grown = own.map(|variance| variance + filter * filter);
     let ratio: f64 = (0..3).map(|axis| if grown[axis] > 0.0 { own[axis] / grown[axis] } else { 1.0 }).product();
     let opacity = ratio.sqrt() / (1.0 + (-f64::from(logit)).exp());
-    // Without a filter every bit stays.
+    // Without a filter no bit changes.
     if filter == 0.0 {
         (log_scales, logit)
     } else {
@@ -97,7 +98,7 @@ mod tests {
     use crate::data::{SceneFile, validate};
     use crate::scene::Scene;
 
-    /// Rows of a 3DGS PLY in ASCII, with properties of these types and names behind the usual ones.
+    /// Rows of a 3DGS PLY in ASCII, with further properties of these types and names after the usual ones.
     fn with_more(xyz: &str, more: &[&str], rows: &[&str], comment: &str) -> SceneFile {
         let mut text = format!("ply\nformat ascii 1.0\n{comment}element vertex {}\n", rows.len());
         for (i, (name, _)) in columns(0, false).iter().enumerate() {
@@ -113,7 +114,7 @@ mod tests {
 
     #[test]
     fn a_filter_is_taken_into_sizes_and_opacities() {
-        // Standard deviations 0.3, 0.4 and 0; a logit of 0 and one of infinity.
+        // Standard deviations 0.3, 0.4 and 0; logits 0 and infinity.
         let rows = ["0 0 0 0 0 0 0 -1.2039728 -0.9162907 -1 1 0 0 0 0.4", "0 0 0 0 0 0 inf 0 -1 -2 1 0 0 0 0"];
         let file = with_more("float", &["filter_3D"], &rows, "");
         let [x, y, z] = file.scene.base.log_scales[0].map(|v| f64::from(v).exp());
@@ -123,7 +124,7 @@ mod tests {
         let opacity = 0.5 * 0.6 * 0.5f64.sqrt() * (-1f64).exp() / deep.sqrt();
         let found = 1.0 / (1.0 + (-f64::from(file.scene.base.opacities[0])).exp());
         assert!((found - opacity).abs() < 1e-6, "{found}, expected {opacity}");
-        // Of 0 it changes nothing.
+        // A filter of 0 changes nothing.
         assert_eq!(file.scene.base.log_scales[1], [0.0, -1.0, -2.0]);
         assert!((file.scene.base.opacities[1] - 17.328_68).abs() < 1e-5);
         assert!(
@@ -160,7 +161,7 @@ mod tests {
             world(1).distance(DVec3::new(500000.001, 4499999.998, 120.5)) < 1e-8 && origin.length() > 4e6,
             "{origin}"
         );
-        // Near the world's origin nothing moves, and an origin of the file's own is added.
+        // Near the world's origin nothing moves, and the file's own origin is added.
         let near =
             with_more("double", &[], &["1 2 3.1 0 0 0 0 0 0 0 1 0 0 0", "9 -2 3 0 0 0 0 0 0 0 1 0 0 0"], "").scene;
         assert_eq!((near.base.means[0], near.origin), ([1.0, 2.0, 3.1], DVec3::ZERO));
@@ -169,7 +170,7 @@ mod tests {
             both,
             Scene { origin: origin + DVec3::new(7.0, -0.25, 1000.0), ..Scene { base, ..Default::default() } }
         );
-        // What is no origin is a comment.
+        // A malformed origin is an ordinary comment.
         for comment in ["comment origin of the scene\n", "comment origin 1 2 nan\n", "comment origin 1 2\n"] {
             assert_eq!(with_more("float", &[], &rows, comment).scene.origin, DVec3::ZERO);
         }

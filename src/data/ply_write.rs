@@ -1,4 +1,4 @@
-//! Writes scenes to PLY files, as `ply` reads them.
+//! Writes scenes to PLY files, the inverse of `ply`.
 
 use std::io::Write;
 use std::path::Path;
@@ -11,14 +11,14 @@ use super::trained_with::TrainedWith;
 use crate::scene::{Gaussians, Lobes, Scene};
 use crate::{Error, Result};
 
-/// Before the lines of a header that other readers need not know.
+/// Prefix of header lines that other readers may ignore.
 const ANNOUNCED: &str = "comment glint ";
 
-/// Writes a sound scene. Other viewers show the file's `shown`, [`super::read_scene`] gives the scene, whose base begins with the same
-/// Gaussians. Both count from the scene's origin.
+/// Writes a valid scene. Other viewers show the file's `shown`; [`super::read_scene`] returns the scene,
+/// whose base starts with the same Gaussians. Both are relative to the scene's origin.
 ///
 /// # Errors
-/// [`Error::Usage`] where the base has fewer Gaussians than what is shown, or another SH degree.
+/// [`Error::Usage`] if the base has fewer Gaussians than `shown`, or another SH degree.
 pub(super) fn write_file(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     write(path, file.shown.as_ref(), &file.scene, &file.trained_with)?;
     Ok(Vec::new())
@@ -46,23 +46,24 @@ pub(super) fn write(path: &Path, shown: Option<&Gaussians>, scene: &Scene, train
     })
 }
 
-/// Bytes that a Gaussian of the base or, `lobed`, of the supplement has in the file that [`super::write_scene`] makes; its header has 2 KB.
+/// Bytes per Gaussian of the base, or of the supplement if `lobed`, in the file of [`super::write_scene`];
+/// its header has 2 KB.
 pub fn gaussian_bytes(sh_degree: u32, lobed: bool) -> u64 {
     let normals = if lobed { 0 } else { 3 };
     4 * (columns(sh_degree, lobed).len() as u64 + normals)
 }
 
-/// Bytes of the file that [`super::write_scene`] makes of a scene, but for its header.
+/// Size of the file of [`super::write_scene`] in bytes, without its header.
 pub fn scene_bytes(scene: &Scene) -> u64 {
     let of = |part: &Gaussians, lobed| part.len() as u64 * gaussian_bytes(part.sh_degree, lobed);
     of(&scene.base, false) + scene.supplement.as_ref().map_or(0, |supplement| of(&supplement.gaussians, true))
 }
 
-/// An element that is to be written.
+/// An element to write.
 pub(super) struct Rows<'a> {
     gaussians: &'a Gaussians,
     lobes: &'a Lobes,
-    /// A column without a place is 0.
+    /// Columns; one without a place is 0.
     columns: Vec<(String, Option<Place>)>,
 }
 
@@ -70,13 +71,13 @@ impl<'a> Rows<'a> {
     pub(super) fn whole(gaussians: &'a Gaussians, lobes: Option<&'a Lobes>) -> Self {
         let mut rows = Rows::of(gaussians, lobes, |_| true);
         if lobes.is_none() {
-            // The reference trainer writes normals, and some readers want them.
+            // The reference trainer writes normals, and some readers require them.
             rows.columns.splice(3..3, ["nx", "ny", "nz"].map(|name| (name.into(), None)));
         }
         rows
     }
 
-    /// What `now` has that `before` has not; `None` where they are the same.
+    /// The columns of `now` that differ from `before`; `None` if there are none.
     fn changed(before: &Gaussians, now: &'a Gaussians) -> Option<Self> {
         let bits = |g: &Gaussians, i: usize, place: Place| number(g, &NO_LOBES, i, place).to_bits();
         let (kept, all) = (before.len(), now.len());

@@ -1,4 +1,4 @@
-//! Sparse points: PLY files of them, and where they stand.
+//! Sparse points, read from PLY files.
 
 use std::fs;
 use std::io::Read;
@@ -12,38 +12,38 @@ use super::ply_columns::BASE;
 use super::ply_format::Ply;
 use crate::{Error, Result};
 
-/// A header is not longer.
+/// Maximum length of a header.
 const HEADER_BYTES: u64 = 1 << 16;
 
 /// A sparse point cloud, scene units and 8-bit sRGB.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointCloud {
-    /// Scene units, in the world.
+    /// Positions in scene units, in the world.
     pub positions: Vec<[f64; 3]>,
-    /// 8-bit sRGB; as many as positions, grey where the file has none.
+    /// 8-bit sRGB, one per position; grey if the file has none.
     pub colors: Vec<[u8; 3]>,
 }
 
 impl PointCloud {
-    /// The positions as they count from `origin` (world).
+    /// The positions relative to `origin` (world).
     pub fn around(&self, origin: DVec3) -> Vec<[f32; 3]> {
         self.positions.iter().map(|&at| (DVec3::from_array(at) - origin).as_vec3().to_array()).collect()
     }
 }
 
-/// Reads a plain point cloud: element `vertex` with x y z and, if they are there, red green blue: 0 to 255, or as floats 0 to 1
-/// if none is larger. Points without colour are mid grey. Points whose position is not finite are left out, and a sentence in `notes`
-/// counts them.
+/// Reads a plain point cloud: element `vertex` with x y z, and optional red green blue of 0 to 255, or floats
+/// of 0 to 1 if none is larger. Points without colour are mid grey. Points with a non-finite position are
+/// left out, and a sentence in `notes` counts them.
 pub fn read_points(path: impl AsRef<Path>, notes: &mut Vec<String>) -> Result<PointCloud> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     parse_points(&bytes, path, notes)
 }
 
-/// Whether a file is a PLY of points, and not of Gaussians, as far as its header says.
+/// Whether a file's header is a PLY of points, not of Gaussians.
 ///
 /// # Errors
-/// Where it cannot be read.
+/// If it cannot be read.
 pub fn is_point_cloud(path: impl AsRef<Path>) -> Result<bool> {
     let path = path.as_ref();
     let mut start = Vec::new();
@@ -51,7 +51,7 @@ pub fn is_point_cloud(path: impl AsRef<Path>) -> Result<bool> {
     read.map_err(|source| Error::io(path, source))?;
     let text = String::from_utf8_lossy(&start);
     let header = text.split("end_header").next().unwrap_or_default();
-    // Of Gaussians that lack a property their own reader is to say so.
+    // For Gaussians that lack a property, their own reader reports the error.
     let gaussians = ["f_dc_0", "scale_0", "rot_0", "packed_position"];
     Ok(header.starts_with("ply") && !gaussians.iter().any(|name| header.contains(name)))
 }
@@ -67,7 +67,7 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -
     let place = |name| element.scalar(name).ok_or_else(|| fail(format!("element `{BASE}` lacks property `{name}`")));
     let xyz = [place("x")?, place("y")?, place("z")?];
     let named = |prefix: &str| ["red", "green", "blue"].map(|name| element.scalar(&format!("{prefix}{name}")));
-    // Older programs say what kind of light it is.
+    // Older programs prefix the kind of light.
     let rgb = match Some(named("")).filter(|plain| *plain != [None; 3]).unwrap_or_else(|| named("diffuse_")) {
         [Some(r), Some(g), Some(b)] => Some([r, g, b]),
         [None, None, None] => None,
@@ -92,7 +92,7 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -
             return Err(fail(format!("row {row} of element `{BASE}`: colour value {bad} is not in 0 to 255")));
         }
         cloud.positions.push(position);
-        // Every value up to 255 is held by a float32 closely enough to become its byte.
+        // Bytes up to 255 survive the conversion to float32.
         colors.push(color.map(|v| v as f32));
         largest = color.iter().copied().fold(largest, f64::max);
         Ok(())
@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(colors("1 2 3 0 9 1\n4 5 6 7.4 8.6 255\n"), [[0, 9, 1], [7, 9, 255]]);
         assert!(error(format!("{head}{floats}1 2 3 0 nan 1\n4 5 6 7 8 9\n")).contains("row 0"));
         assert!(error(format!("{head}property uchar red\nend_header\n1 2 3 4\n4 5 6 7\n")).contains("only some"));
-        // What is not finite is left out and told, with its colour, whatever that is.
+        // Non-finite points are left out and counted, together with their colour.
         let mut notes = Vec::new();
         let cloud = read(format!("{head}{floats}1 inf 3 nan 900 0\n4 5 6 0.2 0.4 1\n"), &mut notes).unwrap();
         assert_eq!((cloud.positions, cloud.colors), (vec![[4.0, 5.0, 6.0]], vec![[51, 102, 255]]));

@@ -1,6 +1,6 @@
-//! Making pictures smaller.
+//! Downscales pictures.
 
-/// How a larger photo is made smaller.
+/// Method of downscaling.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Reduce {
@@ -8,23 +8,23 @@ pub enum Reduce {
     #[default]
     Area,
     /// By a bicubic filter, as the code of 3DGS does it: for comparing with published figures
-    // Keys' cubic with a = −1/2, as wide as the photo is reduced: Pillow's `BICUBIC`, but for its rounding to bytes between the two
-    // directions.
+    // Keys' cubic with a = −1/2, stretched by the scale factor: Pillow's `BICUBIC`, except for its rounding
+    // to bytes between the two directions.
     Bicubic,
 }
 
-/// The pixels that a pixel of the result is made of: the first, and of each its weight and its share in a mask. Either sum to 1; a
-/// weight may be negative, a share may not.
+/// Source pixels of a result pixel: the first, and for each its weight and its coverage for masks. Both sum
+/// to 1; a weight may be negative, a coverage may not.
 type Parts = (usize, Vec<[f32; 2]>);
 
-/// Takes the rows of a picture from the top and makes a smaller one of them: three colours, and a mask that is a mean in any case.
-/// Holds the smaller picture and a row. Not for enlarging.
+/// Downscales a picture row by row from the top: three colours, and a mask, which is always an average. Holds
+/// the smaller picture and one row. Cannot enlarge.
 pub(super) struct Reducer {
     columns: Vec<Parts>,
     rows: Vec<Parts>,
-    /// Rows that have come.
+    /// Rows received.
     fed: usize,
-    /// The first row of the result that is not finished.
+    /// The first unfinished row of the result.
     open: usize,
     narrow: Vec<[f32; 4]>,
     out: Vec<[f32; 4]>,
@@ -65,7 +65,7 @@ impl Reducer {
         self.fed += 1;
     }
 
-    /// Once all rows have come.
+    /// Call after all rows.
     pub(super) fn finish(self) -> Vec<[f32; 4]> {
         self.out
     }
@@ -75,13 +75,13 @@ fn add(sum: &mut [f32; 4], [weight, share]: [f32; 2], value: [f32; 4]) {
     sum.iter_mut().zip(value).zip([weight, weight, weight, share]).for_each(|((sum, value), w)| *sum += w * value);
 }
 
-/// For each of `to` cells laid over `from` pixels: the pixels that it touches, by how much of each.
+/// For each of `to` cells over `from` pixels: the pixels that it touches, weighted by their overlap.
 fn coverage(from: u32, to: u32) -> Vec<Parts> {
     let cell = from as f64 / to as f64;
     let span = |i: u32| {
         let (begin, end) = (i as f64 * cell, ((i + 1) as f64 * cell).min(from as f64));
         let first = begin as usize;
-        // A sliver that is only rounding error gets a weight of its size.
+        // A sliver from rounding gets a negligible weight.
         let pixels = first..(end.ceil() as usize).clamp(first + 1, from as usize);
         let share = |p: usize| (end.min((p + 1) as f64) - begin.max(p as f64)).max(0.0) / (end - begin);
         (first, pixels.map(|p| [share(p) as f32; 2]).collect())
@@ -98,8 +98,8 @@ fn cubic(x: f64) -> f64 {
     }
 }
 
-/// For each of `to` cells laid over `from` pixels: the pixels within two cells of its middle. What lies beyond the edge is left
-/// out, and the others have its weight.
+/// For each of `to` cells over `from` pixels: the pixels within two cells of its middle. Pixels beyond the
+/// edge are left out, and their weight goes to the others.
 fn bicubic(from: u32, to: u32) -> Vec<Parts> {
     let cell = from as f64 / to as f64;
     let parts = |i: u32| {
@@ -132,7 +132,8 @@ mod tests {
         for (from, to) in [(37, 36), (64, 9), (5, 2), (100, 1)] {
             for (_, weights) in bicubic(from, to) {
                 let sums = weights.iter().fold([0.0; 2], |sums, w| [0, 1].map(|k| sums[k] + f64::from(w[k])));
-                // Up to 400 float32 weights, each off by 6e-8 of itself, and their magnitudes add up to 2 at most.
+                // Up to 400 float32 weights, each with a relative error of 6e-8; their magnitudes sum to at
+                // most 2.
                 assert!(sums.iter().all(|sum| (sum - 1.0).abs() < 1e-6), "{from} to {to}: {sums:?}");
                 assert!(weights.iter().all(|w| w[1] >= 0.0));
             }
@@ -178,7 +179,7 @@ mod tests {
         }
     }
 
-    /// The filter's definition in float64: no separate directions, no window.
+    /// The filter's definition in float64, with neither separate directions nor a window.
     fn definition(pixels: &[[f32; 4]], from: [u32; 2], to: [u32; 2], at: [u32; 2]) -> [f64; 3] {
         let (mut sum, mut all) = ([0.0; 3], 0.0);
         for (p, pixel) in pixels.iter().enumerate() {
@@ -208,7 +209,7 @@ mod tests {
             let small = reduce_by(Reduce::Bicubic, &pixels, from, to);
             for (i, got) in small.iter().enumerate() {
                 let want = definition(&pixels, from, to, [i as u32 % to[0], i as u32 / to[0]]);
-                // Up to 60 roundings of 6e-8 each, of magnitudes that add up to 4 · 1.19².
+                // Up to 60 roundings of 6e-8 each, with magnitudes that sum to 4 · 1.19².
                 (0..3)
                     .for_each(|c| assert!((f64::from(got[c]) - want[c]).abs() < 2e-5, "{to:?}, {i}: {got:?} {want:?}"));
                 assert!((got[3] - 1.0).abs() < 4e-6);
@@ -216,7 +217,8 @@ mod tests {
         }
     }
 
-    /// Halved, the taps lie a quarter, three quarters, … of a cell beside the middle: the cubic there, by hand, over 2.
+    /// At half the size, the taps are a quarter, three quarters, … of a cell from the middle: the cubic
+    /// there, by hand, over 2.
     #[test]
     fn halving_by_bicubic_has_eight_known_taps() {
         let taps = [-0.01171875, -0.03515625, 0.11328125, 0.43359375, 0.43359375, 0.11328125, -0.03515625, -0.01171875];
@@ -228,12 +230,12 @@ mod tests {
         }
     }
 
-    /// A negative weight must not make up for a pixel that does not count.
+    /// A negative weight must not make up for a masked pixel.
     #[test]
     fn a_pixel_that_does_not_count_is_missed_under_negative_weights_too() {
         for out in 3..=10 {
             let pixels: Vec<[f32; 4]> = (0..16).map(|i| [0.5, 0.5, 0.5, f32::from(u8::from(i != out))]).collect();
-            // The least share of a tap is 0.0117 / 1.19.
+            // The smallest coverage of a tap is 0.0117 / 1.19.
             assert!(reduce_by(Reduce::Bicubic, &pixels, [16, 1], [8, 1])[3][3] < 0.9902, "{out}");
         }
     }

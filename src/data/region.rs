@@ -1,4 +1,5 @@
-//! Where a dataset's cameras are and what they look at: the scene's extent, and points to begin with where there are none.
+//! Finds the region that a dataset's cameras look at: the scene's extent, and random first points if there
+//! are none.
 
 use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -12,42 +13,44 @@ use super::points::PointCloud;
 use crate::Result;
 use crate::scene::Camera;
 
-/// Half the side of the cube that NeRF Synthetic scenes lie in (3DGS draws its first points there).
+/// Half the side of the cube around NeRF Synthetic scenes (3DGS draws its first points there).
 const BLENDER_HALF: f64 = 1.3;
-/// What is nearer is not rendered (method, section 1), scene units.
+/// Nearest rendered distance (method, section 1), scene units.
 pub const NEAR: f64 = 0.2;
-/// Farther from it than this many half sides, cameras with the lens of those scenes (fov 40°) would have the cube in a third of
-/// their pictures at most.
+/// Maximum distance of cameras from the cube, in half sides. Beyond it, with the lens of those scenes (fov
+/// 40°), the cube would fill at most a third of a picture.
 const BLENDER_REACH: f64 = 8.0;
-/// Longer side of the silhouettes that points are carved by at most, px.
+/// Maximum longer side of the silhouettes for carving points, px.
 const SILHOUETTE_SIDE: u32 = 256;
-/// Of so many random points one at least is found where the scene may be, or the search is given up.
+/// The search is given up if less than one in this number of random points is inside the region.
 const FOUND_NTH: usize = 1000;
-/// Training cameras that must see a random point: two give depth, the third tells a coincidence from a surface.
+/// Training cameras that must see a random point: two give depth, the third separates a surface from a
+/// coincidence.
 const WITNESSES: usize = 3;
 
-/// A ball around what the cameras look at.
+/// A ball around the common target of the cameras.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Focus {
     /// World position.
     pub center: DVec3,
-    /// Median distance of the cameras from it, scene units.
+    /// Median distance of the cameras from the centre, scene units.
     pub radius: f64,
 }
 
 impl Dataset {
-    /// The training cameras, or all where none is for training.
+    /// The training cameras, or all cameras if none is for training.
     fn viewpoints(&self) -> Vec<Camera> {
         let training: Vec<Camera> = self.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         if training.is_empty() { self.photos.iter().map(|photo| photo.camera).collect() } else { training }
     }
 
-    /// 1.1 × the largest distance of a training camera from the mean of their centres (3DGS); 0 when all stand at one place.
+    /// 1.1 × the largest distance of a training camera from the mean of their centres (3DGS); 0 if all are at
+    /// one place.
     pub fn extent(&self) -> f64 {
         1.1 * spread(&self.viewpoints()).1
     }
 
-    /// What the training cameras look at; none for a dataset without photos.
+    /// The common target of the training cameras; `None` for a dataset without photos.
     pub fn focus(&self) -> Option<Focus> {
         let cameras = self.viewpoints();
         if cameras.is_empty() {
@@ -56,14 +59,14 @@ impl Dataset {
         let (mean_eye, spread) = spread(&cameras);
         let n = cameras.len() as f64;
         let forward = cameras.iter().map(axis).sum::<DVec3>() / n;
-        // Where axes are parallel they say nothing of the depth. There the guess counts: the depth at which a camera as far out as
-        // any still shares half of its picture with one in the middle. A single camera leaves one scene unit.
+        // Parallel axes do not determine the depth. Then use a guess: the depth at which the outermost camera
+        // still shares half of its picture with one in the middle. For a single camera it is one scene unit.
         let half_width = |c: &Camera| 0.5 * c.width as f64 / c.fx;
         let slope = cameras.iter().map(half_width).sum::<f64>() / n;
         let depth = if spread > 0.0 { spread / slope } else { 1.0 };
         let guess = mean_eye + depth * forward.normalize_or_zero();
-        // Least squares: the sum of squared distances to all axes, and the guess with the weight of axes that differ by
-        // √1e-3 radian = 1.8°, below which the depth they give is mostly error.
+        // Least squares over the squared distances to all axes; the guess has the weight of axes that differ
+        // by √1e-3 radian = 1.8°. Below that angle their depth is mostly error.
         let weight = 1e-3;
         let (mut a, mut b) = (DMat3::from_diagonal(DVec3::splat(weight)), weight * guess);
         for camera in &cameras {
@@ -75,14 +78,14 @@ impl Dataset {
         // Positive definite: at least `weight` in every direction.
         let meeting = a.inverse() * b;
         let in_front = cameras.iter().filter(|c| c.project(meeting).2 > 0.0).count();
-        // Cameras that look outward meet behind themselves.
+        // The axes of cameras that look outward meet behind them.
         let center = if 2 * in_front > cameras.len() { meeting } else { guess };
         let mut distances: Vec<f64> = cameras.iter().map(|c| c.eye().distance(center)).collect();
         distances.sort_by(f64::total_cmp);
         Some(Focus { center, radius: distances[distances.len() / 2] })
     }
 
-    /// Whether the training cameras look at the cube of NeRF Synthetic scenes from around it.
+    /// Whether the training cameras surround the cube of NeRF Synthetic scenes and look at it.
     pub(super) fn surrounds_the_blender_cube(&self) -> bool {
         self.focus().is_some_and(|Focus { center, radius }| {
             center.abs().max_element() <= BLENDER_HALF
@@ -90,8 +93,8 @@ impl Dataset {
         })
     }
 
-    /// How many of the training photos see at least one of `points`, which count from `origin`: before the near plane and within the
-    /// picture.
+    /// Number of training photos that see at least one of `points` (relative to `origin`): beyond the near
+    /// plane and within the picture.
     pub fn seeing(&self, origin: DVec3, points: &[[f32; 3]]) -> usize {
         let world = |p: [f32; 3]| origin + DVec3::from_array(p.map(f64::from));
         let sees_one = |photo: &Photo| points.iter().any(|&p| sees(&photo.camera, world(p)));
@@ -99,28 +102,30 @@ impl Dataset {
         photos.par_iter().filter(|photo| sees_one(photo)).count()
     }
 
-    /// `n` mid-grey random points to begin with; the same for the same seed, on every machine. For NeRF Synthetic they are
-    /// uniform in its cube. Otherwise they are uniform in the part of the focus ball that at least three training cameras (all,
-    /// if there are fewer) see; where that is nearly nothing, because the cameras look outward, they lie along random pixels'
-    /// rays instead. Without photos there are none.
+    /// `n` mid-grey random points for the first scene; the same seed gives the same points on every machine.
+    /// For NeRF Synthetic they are uniform in its cube. Otherwise they are uniform in the part of the focus
+    /// ball that at least three training cameras (all, if there are fewer) see. If that is nearly empty,
+    /// because the cameras look outward, they lie along random pixels' rays instead. Without photos there are
+    /// none.
     pub fn random_points(&self, n: usize, seed: u64) -> PointCloud {
         let cameras = self.viewpoints();
         let seen = |p: DVec3, by: usize| cameras.iter().filter(|c| sees(c, p)).take(by).count() == by;
-        // All of the cube may be the scene.
+        // The scene may fill the whole cube.
         let anywhere = self.kind == DatasetKind::Blender;
         self.draw(n, seed, |p, by| (anywhere || seen(p, by)).then_some([128; 3]))
     }
 
-    /// The same, but where no training photo is wholly transparent, since there is nothing then; and each with the median colour of the
-    /// photos that show something opaque there, three at least (all, if there are fewer). What a mask leaves out of a photo, or its lens,
-    /// says neither that there is something nor that there is nothing, and with [`Alpha::Mask`](super::Alpha::Mask) transparency is such
-    /// a mask. `None` where no photo is transparent, and where what the photos enclose is so little that no `n` points were found in it.
+    /// [`Dataset::random_points`], carved by transparency: a point is dropped if a training photo is wholly
+    /// transparent there. It gets the median colour of the photos that are opaque there, at least three (all,
+    /// if there are fewer). Pixels outside of a mask or lens prove nothing either way; with
+    /// [`Alpha::Mask`](super::Alpha::Mask), transparent pixels are such pixels. `None` if no photo is
+    /// transparent, or if the carved region is too small to find `n` points.
     ///
     /// # Errors
-    /// Those of the photos.
+    /// Errors of the photos.
     pub fn carved_points(&self, n: usize, seed: u64) -> Result<Option<PointCloud>> {
         let photos: Vec<&Photo> = self.split(Split::Train).map(|(_, photo)| photo).collect();
-        // Of most datasets no photo need be decoded to know.
+        // Most datasets are opaque: skip decoding them.
         if !photos.iter().any(|photo| photo.shows_background()) {
             return Ok(None);
         }
@@ -128,14 +133,15 @@ impl Dataset {
         if !silhouettes.iter().any(Silhouette::is_seen_through) {
             return Ok(None);
         }
-        // Two do not do along rays either: before a camera is much that only the one across from it sees, too.
+        // Two are not enough along rays either: close to a camera, much of the space is only seen by the
+        // camera opposite.
         let witnesses = WITNESSES.min(photos.len());
         let cloud = self.draw(n, seed, |p, _| shown(&silhouettes, p, witnesses));
         Ok((cloud.positions.len() == n).then_some(cloud))
     }
 
-    /// `n` random points that `judge` gives colours; fewer where it refuses nearly all. It is asked of a world position, and of how
-    /// many cameras at least should see it, which may be none.
+    /// Draws `n` random points, with colours from `judge`; fewer if it rejects nearly all. Its arguments are
+    /// a world position, and the number of cameras that should see it, possibly 0.
     fn draw(&self, n: usize, seed: u64, judge: impl Fn(DVec3, usize) -> Option<[u8; 3]>) -> PointCloud {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut signed = move || 2.0 * rng.random::<f64>() - 1.0;
@@ -156,7 +162,7 @@ impl Dataset {
                 take(BLENDER_HALF * DVec3::new(signed(), signed(), signed()), witnesses, &mut cloud);
             }
         } else if let Some(Focus { center, radius }) = self.focus() {
-            // A hundred tries per point reach down to regions of 1 % of the ball.
+            // A hundred tries per point suffice for regions down to 1 % of the ball.
             for _ in 0..n.saturating_mul(100) {
                 if cloud.positions.len() == n {
                     break;
@@ -175,7 +181,7 @@ impl Dataset {
                 let camera = &cameras[((unit(signed()) * cameras.len() as f64) as usize).min(cameras.len() - 1)];
                 let (x, y) = (unit(signed()) * camera.width as f64, unit(signed()) * camera.height as f64);
                 let p = camera.unproject(x, y, NEAR + 2.0 * reach * unit(signed()));
-                // When after many tries no two cameras share anything, one has to do.
+                // If after many tries no two cameras share anything, a single one must do.
                 let by = if tries > n.saturating_mul(100) { 0 } else { 2.min(cameras.len()) };
                 take(p, by, &mut cloud);
             }
@@ -189,7 +195,7 @@ struct Silhouette {
     camera: Camera,
     /// 8-bit sRGB times alpha.
     rgb: Vec<u8>,
-    /// `None` of pixels that do not count.
+    /// `None` for masked pixels.
     alpha: Vec<Option<u8>>,
 }
 
@@ -217,7 +223,7 @@ fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
         let reds = black.rgb.iter().zip(&white.rgb).step_by(3).enumerate();
         Silhouette {
             camera: photo.camera.resized(black.width, black.height),
-            // What is put over white is as much brighter as it is transparent.
+            // Over white, a pixel is brighter in proportion to its transparency.
             alpha: reds.map(|(i, (&b, &w))| counts(i).then(|| 255 - w.saturating_sub(b))).collect(),
             rgb: black.rgb,
         }
@@ -225,8 +231,8 @@ fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
     Ok(pairs.zip(photos).map(silhouette).collect())
 }
 
-/// The median colour at a point, channel by channel, of the photos that show something opaque there, `by` at least, which is not 0;
-/// `None` where one shows that there is nothing, or fewer than `by` show something.
+/// The channel-wise median colour at a point, over the photos that are opaque there: at least `by`, which
+/// must not be 0. `None` if a photo shows empty space there, or if too few are opaque.
 fn shown(silhouettes: &[Silhouette], p: DVec3, by: usize) -> Option<[u8; 3]> {
     let mut seen: [Vec<u8>; 3] = Default::default();
     for Silhouette { camera, rgb, alpha } in silhouettes.iter().filter(|silhouette| sees(&silhouette.camera, p)) {
@@ -254,8 +260,8 @@ fn axis(camera: &Camera) -> DVec3 {
     camera.rotation.row(2)
 }
 
-/// Mean of the centres and the largest distance from it; 0 where that is less than a billionth of the coordinates, a hundredth of what
-/// float32 tells apart: what rounding makes of one place.
+/// Mean of the centres, and the largest distance from it. Distances below a billionth of the coordinates
+/// count as 0: that is rounding, and a hundredth of float32's resolution.
 fn spread(cameras: &[Camera]) -> (DVec3, f64) {
     let mean = cameras.iter().map(Camera::eye).sum::<DVec3>() / cameras.len().max(1) as f64;
     let farthest = cameras.iter().map(|c| c.eye().distance(mean)).fold(0.0, f64::max);
@@ -329,7 +335,7 @@ mod tests {
         let center = DVec3::new(5.0, -2.0, 7.0);
         let data = dataset(ring(center, 4.0).into_iter().map(|eye| look(eye, center)).collect());
         let focus = data.focus().unwrap();
-        // The guess, four units off at most, has a weight of 1e-3 against more than a third.
+        // The guess, off by at most four units, has a weight of 1e-3 against more than a third.
         assert!(focus.center.distance(center) < 0.02, "{focus:?}");
         assert!((focus.radius - 4.0).abs() < 0.05);
         assert!((data.extent() - 4.4).abs() < 0.1, "{}", data.extent());
@@ -349,7 +355,8 @@ mod tests {
             let seen = cloud.positions.iter().map(|&p| photo.camera.project(DVec3::from_array(p)));
             let seen: Vec<f64> =
                 seen.filter(|&(x, y, z)| z > NEAR && x.min(y) > 0.0 && x < 40.0 && y < 30.0).map(|at| at.0).collect();
-            // A quarter of 400 each, and of those a quarter in the outer eighths of the picture: 100 ± 8.7 and 25 ± 4.3.
+            // A quarter of 400 each; of those a quarter in the outer eighths of the picture: 100 ± 8.7 and 25
+            // ± 4.3.
             assert!((60..140).contains(&seen.len()), "{}", seen.len());
             assert!(seen.iter().filter(|&&x| !(5.0..35.0).contains(&x)).count() > 10);
         }
@@ -374,7 +381,7 @@ mod tests {
         assert_eq!(data.seeing(DVec3::ZERO, &[[0.0, 90.0, 0.0], [0.0; 3]]), 24);
         assert_eq!(data.seeing(DVec3::ZERO, &[[0.0, 90.0, 0.0]]), 0);
         assert_eq!(data.seeing(DVec3::ZERO, &[]), 0);
-        // Between a camera and the near plane, and a little beyond; cameras across see it too, nine of them.
+        // In front of and just beyond a camera's near plane; the nine cameras opposite see it too.
         let at = |distance: f32| data.seeing(DVec3::ZERO, &[[4.0 - distance, 0.0, 0.0]]);
         assert_eq!((at(0.19), at(0.21)), (9, 10));
         let near = ring(DVec3::ZERO, 4.0).into_iter().map(|eye| look(1e-4 * eye, DVec3::ZERO));
@@ -403,7 +410,7 @@ mod tests {
         }
         assert_eq!(dataset(Vec::new()).random_points(10, 0), PointCloud::default());
         assert_eq!(dataset(Vec::new()).extent(), 0.0);
-        // What the mean of seven times the same place is off by is no distance.
+        // The rounding error in the mean of seven equal places is not a distance.
         let place = DVec3::new(0.1, 0.7, -3.3);
         let turned = |i| look(place, place + DVec3::new(1.0, 0.1 * f64::from(i), 0.0));
         assert_eq!(dataset((0..7).map(turned).collect()).extent(), 0.0);

@@ -1,11 +1,11 @@
-//! A scene together with what else its file holds.
+//! A scene file's contents: the scene, the base for other viewers, training settings and notes.
 
 use std::path::Path;
 
 use super::trained_with::TrainedWith;
 use crate::scene::{Gaussians, Scene};
 
-/// What a folder with an SOG scene has.
+/// File that a folder with an SOG scene contains.
 pub(super) const SOG_META: &str = "meta.json";
 
 /// Whether `path` is a folder with a scene.
@@ -13,16 +13,17 @@ pub fn is_scene_folder(path: &Path) -> bool {
     path.is_dir() && path.join(SOG_META).is_file()
 }
 
-/// A scene, and what viewers show that know nothing of its supplement.
+/// A scene, and the base that other viewers show.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SceneFile {
-    /// The base as it has learned together with the supplement.
+    /// The scene; its base was trained together with the supplement.
     pub scene: Scene,
-    /// The base for other viewers, where it is not that of the scene.
+    /// The base for other viewers, if it differs from the scene's.
     pub shown: Option<Gaussians>,
-    /// What it was trained with, as far as the file says.
+    /// Training settings, as far as the file has them.
     pub trained_with: TrainedWith,
-    /// What was read in another way than it looks, or not read although it changes the picture: a sentence each.
+    /// Notes on data that was interpreted differently than it looks, or ignored although it changes the
+    /// picture; one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -33,7 +34,7 @@ impl From<Scene> for SceneFile {
 }
 
 impl SceneFile {
-    /// Without the supplement: what other viewers show.
+    /// Drops the supplement: keeps the base that other viewers show.
     pub fn into_base(self) -> SceneFile {
         let origin = self.scene.origin;
         let scene = Scene { base: self.shown.unwrap_or(self.scene.base), supplement: None, origin };

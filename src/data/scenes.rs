@@ -24,17 +24,19 @@ use crate::scene::color;
 use crate::{Error, Result};
 
 #[cfg(feature = "train")]
-/// Writes `scene` as binary little-endian PLY in the reference trainer's order, the supplement (if any) behind it.
-/// Every float comes back bit for bit. The file appears whole or not at all.
+/// Writes `scene` as binary little-endian PLY in the reference trainer's order, followed by the supplement,
+/// if any. Every float is preserved bit for bit. The file appears whole or not at all.
 pub fn write_scene(path: impl AsRef<Path>, scene: &Scene) -> Result<()> {
     write_ply(path, scene, None, TrainedWith::default())
 }
 
 #[cfg(feature = "train")]
-/// Writes a PLY as [`write_scene`] does, and as [`write_scene_file`] does of a [`SceneFile`] that nobody has to put together.
+/// Writes a PLY with a separate base for other viewers; [`write_scene_file`] without building a
+/// [`SceneFile`].
 ///
 /// # Errors
-/// [`Error::Usage`] where a number is not finite, or the scene's base does not begin with the Gaussians that are `shown`.
+/// [`Error::Usage`] if a number is not finite, or if the scene's base does not start with the Gaussians in
+/// `shown`.
 pub fn write_ply(
     path: impl AsRef<Path>,
     scene: &Scene,
@@ -53,10 +55,11 @@ fn sound_or_refused(path: &Path, scene: &Scene) -> Result<()> {
 }
 
 #[cfg(feature = "train")]
-/// Writes a scene as its name says; see [`SceneFormat`]. The file appears whole or not at all. Returns what [`write_scene_as`] does.
+/// Writes a scene in the format of its file name; see [`SceneFormat`]. The file appears whole or not at all.
+/// Returns the notes of [`write_scene_as`].
 ///
 /// # Errors
-/// [`Error::Usage`] where the name has none of the endings, and as [`write_scene_as`].
+/// [`Error::Usage`] if the name has no known ending, and the errors of [`write_scene_as`].
 pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<Vec<String>> {
     let path = path.as_ref();
     let format = SceneFormat::of(path).ok_or_else(|| {
@@ -68,12 +71,13 @@ pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<Vec<
 }
 
 #[cfg(feature = "train")]
-/// Writes a scene in a format of the caller's choice, whatever the file is called. The file appears whole or not at all. Returns what the
-/// format changes that nobody would expect, a sentence each: positions on a coarse grid, floaters that were moved, an origin or
-/// settings that are not kept ([`SceneFormat::keeps_origin`]).
+/// Writes a scene in the given format, independent of the file name. The file appears whole or not at all.
+/// Returns a sentence for each unexpected change: positions on a coarse grid, moved floaters, an origin or
+/// settings that the format does not keep ([`SceneFormat::keeps_origin`]).
 ///
 /// # Errors
-/// [`Error::Usage`] where the format has no room for the supplement that the scene has or for a number, and where a number is not finite.
+/// [`Error::Usage`] if the format cannot hold the scene's supplement or one of its numbers, or if a number is
+/// not finite.
 pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneFile) -> Result<Vec<String>> {
     let path = path.as_ref();
     let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
@@ -105,40 +109,40 @@ pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneF
     Ok(notes)
 }
 
-/// Reads a scene of any kind that glint knows, with its supplement if it has one. Numbers must be finite in 32 bits and rotations not
-/// zero.
+/// Reads a scene of any known format, with its supplement if it has one. Numbers must be finite in 32 bits,
+/// and rotations not zero.
 pub fn read_scene(path: impl AsRef<Path>) -> Result<Scene> {
     Ok(read_scene_file(path)?.scene)
 }
 
-/// Reads what is sound of a scene. Real exports contain Gaussians with infinite opacities, NaN and the like, which
-/// [`read_scene`] refuses; here they are dropped and counted.
+/// Reads the valid part of a scene. Real exports contain Gaussians with infinite opacities, NaN and the like:
+/// [`read_scene`] refuses them, this function drops and counts them.
 pub fn read_scene_leniently(path: impl AsRef<Path>) -> Result<(Scene, Dropped)> {
     let (file, dropped) = read_scene_file_leniently(path)?;
     Ok((file.scene, dropped))
 }
 
-/// As [`read_scene`], with what other viewers show.
+/// [`read_scene`] with the rest of the file, including the base for other viewers.
 pub fn read_scene_file(path: impl AsRef<Path>) -> Result<SceneFile> {
     let path = path.as_ref();
     let (file, kind) = open(path)?;
     checked(file, kind).map_err(|what| Error::input(path, what))
 }
 
-/// As [`read_scene_leniently`], with what other viewers show.
+/// [`read_scene_leniently`] with the rest of the file, including the base for other viewers.
 pub fn read_scene_file_leniently(path: impl AsRef<Path>) -> Result<(SceneFile, Dropped)> {
     let (mut file, kind) = open(path.as_ref())?;
     let mut dropped = validate::drop_faults(&mut file.scene);
     dropped.first = dropped.first.map(|what| named(what, kind));
     if let Some(shown) = file.shown {
-        // It goes with the scene row by row, so it is sound as a whole or of no use.
+        // It matches the scene row by row, so dropping single rows would make it useless.
         let shown = Scene { base: shown, ..Default::default() };
         file.shown = (dropped.base == 0 && validate::check(&shown).is_ok()).then_some(shown.base);
     }
     Ok((file, dropped))
 }
 
-/// Fails if this reader finds no sound scene in the bytes. Files that they name are not looked for.
+/// Fails if this reader finds no valid scene in the bytes. Files that they name are not opened.
 #[cfg(feature = "formats")]
 pub(super) fn check(read: super::formats::Reader, bytes: &[u8], path: &Path) -> Result<()> {
     let mut file = read(bytes, None, path)?;
@@ -146,25 +150,25 @@ pub(super) fn check(read: super::formats::Reader, bytes: &[u8], path: &Path) -> 
     validate::check(&file.scene).map_err(|what| Error::input(path, what))
 }
 
-/// The file, if its numbers are sound.
+/// Returns the file if its numbers are valid.
 fn checked(file: SceneFile, kind: Kind) -> Result<SceneFile, String> {
     validate::check(&file.scene).map_err(|what| named(what, kind))?;
     Ok(file)
 }
 
-/// What is wrong with a row, without the PLY element's name where the file has no elements.
+/// The fault of a row; without the PLY element's name for formats without elements.
 fn named(what: String, kind: Kind) -> String {
     if kind == Kind::Ply { what } else { what.replacen(&format!(" of element `{BASE}`"), "", 1) }
 }
 
-/// As [`read_scene`], of a file's bytes. `path` is named in errors, and says what the bytes are where they have no mark of
-/// their own; files that the bytes name are looked for beside it.
+/// [`read_scene`] from a file's bytes. `path` is used in errors, and decides the format of bytes without a
+/// mark of their own; files that the bytes name are read from its folder.
 pub fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
     let (file, kind) = parse(bytes, path)?;
     Ok(checked(file, kind).map_err(|what| Error::input(path, what))?.scene)
 }
 
-/// The scene, whatever its numbers are, and the kind of its file.
+/// Reads the scene without checking its numbers, and returns the kind of its file.
 fn open(path: &Path) -> Result<(SceneFile, Kind)> {
     let path = &if path.is_dir() { path.join(SOG_META) } else { path.to_owned() };
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;

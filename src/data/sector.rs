@@ -1,32 +1,36 @@
-//! Which photos a sector takes: an eighth of a capture that lies together, so that what is asked of a scene is what it shows where
-//! nobody stood, and not between two neighbours.
+//! Sector hold-out: tests on a contiguous eighth of the cameras, to measure extrapolation to places without
+//! cameras instead of interpolation between neighbours.
 
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 
-/// The sector is one in this many photos, rounded up.
+/// The sector is one in this number of photos, rounded up.
 const PART: usize = 8;
-/// Cameras go round something where their axes turn at least this far from the axis of the round (the sine: 30°) ...
+/// Cameras count as surrounding something if their axes are at least this far from the rotation axis (the
+/// sine: 30°) ...
 const LEAST_TURN: f64 = 0.5;
-/// ... and cancel: the length of their mean, of their root mean square, is sin(A/2)/(A/2) on an arc of A, half at 217°.
+/// ... and cancel: the length of their mean, relative to their root mean square, is sin(A/2)/(A/2) on an arc
+/// of A, half at 217°.
 const LARGEST_MEAN: f64 = 0.5;
-/// Differences of angles and of places, of the whole spread, that are rounding: names decide there.
+/// Differences of angles and positions below this fraction of the spread are rounding: names then decide the
+/// order.
 const SAME: f64 = 1e-6;
 
-/// Where a camera stands, and its optical axis, a unit vector; world space.
+/// Position of a camera, and its optical axis, a unit vector; world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Stand {
     pub(super) eye: DVec3,
     pub(super) axis: DVec3,
 }
 
-/// For each of `stands`, which are in the order of their names, whether it is in the sector.
+/// For each of `stands`, in the order of their names, whether it is in the sector.
 ///
-/// - Where the cameras go round something, they are ordered by their angle around the point where their axes meet, in the plane of
-///   the two largest spreads of the eyes. Of the runs of an eighth that hold the first photo, the one that spans the least angle.
-/// - Elsewhere they are ordered along the largest spread of the eyes, from the end that the first photo is nearer to: the first
-///   eighth.
+/// - If the cameras surround something, they are ordered by their angle around the point nearest to all axes,
+///   in the plane of the two largest spreads of the eyes. The sector is a run of an eighth that contains the
+///   first photo, the one that spans the least angle.
+/// - Otherwise they are ordered along the largest spread of the eyes, from the end nearer to the first photo.
+///   The sector is the first eighth.
 pub(super) fn sector(stands: &[Stand]) -> Vec<bool> {
     let n = stands.len();
     let mut taken = vec![false; n];
@@ -39,11 +43,12 @@ pub(super) fn sector(stands: &[Stand]) -> Vec<bool> {
     let chosen = round(stands, across, count).unwrap_or_else(|| {
         let places: Vec<f64> = stands.iter().map(|s| (s.eye - mean).dot(along)).collect();
         let spread = places.iter().fold(0.0, |largest: f64, place| largest.max(place.abs()));
-        // The first photo is in the lower half, or in the middle of all.
+        // Puts the first photo into the lower half, or the middle.
         let sign = if places[0] > SAME * spread { -1.0 } else { 1.0 };
         let key = |i: usize| (sign * places[i] / (SAME * spread)).round();
         let mut order: Vec<usize> = (0..n).collect();
-        // Stable, so that names decide between equal places; eyes that are all one place give NaN, which is equal to itself.
+        // Stable, so that names decide between equal positions; if all eyes are at one place the keys are
+        // NaN, which compares as equal.
         order.sort_by(|&a, &b| key(a).total_cmp(&key(b)));
         order.truncate(count);
         order
@@ -52,14 +57,14 @@ pub(super) fn sector(stands: &[Stand]) -> Vec<bool> {
     taken
 }
 
-/// The sector of cameras that go round `axle`; `None` where they do not.
+/// The sector of cameras that surround `axle`; `None` if they do not.
 fn round(stands: &[Stand], axle: DVec3, count: usize) -> Option<Vec<usize>> {
     let n = stands.len();
     let flat = |v: DVec3| v - v.dot(axle) * axle;
     let turns: Vec<DVec3> = stands.iter().map(|s| flat(s.axis)).collect();
     let size = (turns.iter().map(|t| t.length_squared()).sum::<f64>() / n as f64).sqrt();
     let mean = turns.iter().sum::<DVec3>() / n as f64;
-    // An eighth of fewer is one photo, for which any order will do.
+    // An eighth of so few is one photo, for any order.
     if !(n > PART && size >= LEAST_TURN && mean.length() <= LARGEST_MEAN * size) {
         return None;
     }
@@ -83,8 +88,8 @@ fn round(stands: &[Stand], axle: DVec3, count: usize) -> Option<Vec<usize>> {
     Some(run(least).map(|at| order[at]).collect())
 }
 
-/// The point with the smallest sum of squared distances to all optical axes; with a little weight, as near to the eyes as that
-/// leaves open.
+/// The point with the smallest sum of squared distances to all optical axes; a small weight pulls it towards
+/// the eyes if the axes leave it undetermined.
 fn meeting(stands: &[Stand]) -> DVec3 {
     let (mut a, mut b) = (DMat3::ZERO, DVec3::ZERO);
     for Stand { eye, axis } in stands {
@@ -96,8 +101,8 @@ fn meeting(stands: &[Stand]) -> DVec3 {
     a.inverse() * b
 }
 
-/// Unit vectors along the smallest and the largest spread of `offsets` from their mean, each with its largest component positive.
-/// Jacobi's rotations of the covariance.
+/// Unit vectors along the smallest and the largest spread of `offsets` from their mean, each with a positive
+/// largest component. Uses Jacobi rotations of the covariance.
 fn principal(offsets: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
     let mut a = [[0.0f64; 3]; 3];
     for v in offsets {
@@ -105,7 +110,7 @@ fn principal(offsets: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
         (0..9).for_each(|k| a[k / 3][k % 3] += v[k / 3] * v[k % 3]);
     }
     let mut axes = DMat3::IDENTITY;
-    // Each sweep squares what is left beside the diagonal.
+    // Each sweep squares the remaining off-diagonal part.
     for _ in 0..16 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let (sin, cos) = (0.5 * (2.0 * a[p][q]).atan2(a[p][p] - a[q][q])).sin_cos();
@@ -146,7 +151,7 @@ mod tests {
         sector(stands).iter().enumerate().filter_map(|(i, taken)| taken.then_some(i)).collect()
     }
 
-    /// On circles around `middle` at these turns, looking at `middle` from above or below.
+    /// Cameras on circles around `middle` at these angles, looking at `middle` from above or below.
     fn around(middle: DVec3, turns: impl IntoIterator<Item = f64>, height: f64) -> Vec<Stand> {
         let stand = |turn: f64| {
             let from = DVec3::new(3.0 * turn.cos(), 3.0 * turn.sin(), height);
@@ -155,7 +160,7 @@ mod tests {
         turns.into_iter().map(stand).collect()
     }
 
-    /// `of` by names that have nothing to do with places: each seventh, modulo their number.
+    /// Reorders `of` by names unrelated to positions: each seventh, modulo their number.
     fn shuffled(of: &[Stand]) -> Vec<(usize, Stand)> {
         (0..of.len()).map(|i| (7 * i + 3) % of.len()).map(|place| (place, of[place])).collect()
     }
@@ -175,13 +180,13 @@ mod tests {
         };
         for tilt in [DVec3::X, DVec3::NEG_X, DVec3::new(1e-3, -2e-3, 5e-4), DVec3::splat(1e5)] {
             assert_eq!(taken(&line(24, tilt)), [0, 1, 2]);
-            // The first by name is fourth of the line.
+            // The first by name is the fourth of the line.
             assert_eq!(places(&line(25, tilt)), [0, 1, 2, 3]);
             let mut back = line(24, tilt);
             back.reverse();
             assert_eq!(taken(&back), [0, 1, 2]);
         }
-        // A grid whose columns are 2 and whose rows are 1 apart: whole columns, from one side.
+        // A grid with a column spacing of 2 and a row spacing of 1: whole columns, from one side.
         let grid: Vec<Stand> = (0..48)
             .map(|i| Stand {
                 eye: DVec3::new(2.0 * (i / 6) as f64, (i % 6) as f64, 0.01 * (i % 5) as f64),
@@ -200,13 +205,14 @@ mod tests {
         for (from, to) in [(0.0, 1.0), (2.0, 4.9)] {
             assert_eq!(taken(&arc(from, to)), [0, 1, 2, 3]);
         }
-        // Three quarters of a circle that begin and end where names do not: no run that holds the first reaches over the gap.
+        // Three quarters of a circle, with ends unrelated to names: no run with the first photo crosses the
+        // gap.
         let wide = arc(0.4, 5.1);
         let found = places(&wide);
         assert!(found.len() == 4 && found.windows(2).all(|w| w[1] == w[0] + 1), "{found:?}");
         let mut named = wide.clone();
         named.rotate_right(1);
-        // The last place comes first by name: the run ends there.
+        // The last position is first by name: the run ends there.
         assert_eq!(taken(&named), [0, 29, 30, 31]);
     }
 
@@ -226,7 +232,7 @@ mod tests {
         assert_eq!(found.len(), 8);
         assert_eq!(found.iter().filter(|i| **i < 32).count(), 4, "{found:?}");
         assert!(turns[..4] == turns[4..], "{found:?}");
-        // Cameras that look outward go round as well.
+        // Cameras that look outward also count as surrounding.
         let outward: Vec<Stand> =
             around(DVec3::ZERO, even(40), 0.0).iter().map(|s| Stand { axis: -s.axis, ..*s }).collect();
         assert_eq!(taken(&outward).len(), 5);
@@ -242,7 +248,7 @@ mod tests {
         assert_eq!(sector(&[stand(1.0), stand(3.0)]), [true, false]);
         assert_eq!(sector(&[stand(3.0), stand(1.0)]), [true, false]);
         assert_eq!(taken(&[stand(2.0); 20]), [0, 1, 2]);
-        // Equal eyes that look all around: whatever names say, and no more than an eighth.
+        // Equal eyes that look all around: any order, but not more than an eighth.
         let turning: Vec<Stand> = around(DVec3::ZERO, (0..24).map(f64::from), 0.0)
             .iter()
             .map(|s| Stand { eye: DVec3::ONE, axis: s.axis })

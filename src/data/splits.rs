@@ -1,4 +1,4 @@
-//! Lists that say which photos are for training and which for testing.
+//! Lists of the photos for training and for testing.
 
 use std::collections::HashSet;
 use std::fs;
@@ -10,15 +10,15 @@ use super::names;
 use super::photo::Split;
 use crate::{Error, Result};
 
-/// Names of photos, as a dataset's own files have them.
+/// Names of photos in a dataset's own lists.
 pub(super) struct Lists {
     pub(super) train: Option<Vec<String>>,
     pub(super) test: Option<Vec<String>>,
-    /// What is to be told of where they come from.
+    /// Description of the lists' origin, for notes.
     pub(super) from: String,
 }
 
-/// A list with a name a line, in one of `folders`: test.txt, as 3DGS has it, and train.txt.
+/// Reads lists with one name per line from one of `folders`: test.txt, as 3DGS has it, and train.txt.
 pub(super) fn find(folders: &[&Path], sources: &mut Vec<PathBuf>) -> Result<Option<Lists>> {
     let mut read = |name: &str| -> Result<Option<(PathBuf, Vec<String>)>> {
         let Some(path) = folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file()) else {
@@ -38,8 +38,8 @@ pub(super) fn find(folders: &[&Path], sources: &mut Vec<PathBuf>) -> Result<Opti
 }
 
 impl Lists {
-    /// Splits the photos. Where there is one list, the others have the other part; of two lists the photos in neither are left
-    /// out, and those in both are for testing.
+    /// Splits the photos. With one list, all other photos are in the other split. With two lists, photos in
+    /// neither are left out, and photos in both are for testing.
     pub(super) fn apply(self, listed: &mut Listing) {
         let set = |names: Vec<String>| names.iter().map(|name| names::compared(name)).collect::<HashSet<String>>();
         let (train, test) = (self.train.map(set), self.test.map(set));

@@ -1,4 +1,4 @@
-//! Named tensors of f32 and u32 in safetensors files: checkpoints and what tests compare.
+//! Reads and writes safetensors files of f32 and u32 tensors: checkpoints and test data.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -11,15 +11,15 @@ use safetensors::{Dtype, SafeTensors, View};
 use super::atomic::write_whole;
 use crate::{Error, Result};
 
-/// Where the metadata of a file has the text about its tensors.
+/// Metadata key of the text about the tensors.
 const ABOUT: &str = "glint";
 
 /// A tensor's values, row-major.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
-    /// `F32` of the file.
+    /// Type `F32` in the file.
     F32(Vec<f32>),
-    /// `U32` of the file.
+    /// Type `U32` in the file.
     U32(Vec<u32>),
 }
 
@@ -28,16 +28,16 @@ pub enum Values {
 pub struct Tensor {
     /// Lengths of its dimensions; the last varies fastest.
     pub shape: Vec<usize>,
-    /// Row by row, as many as the product of the dimensions.
+    /// Row-major values, one per element of the shape.
     pub values: Values,
 }
 
 /// Borrowed values of a tensor to write, row-major.
 #[derive(Debug, Clone, Copy)]
 pub enum ValuesRef<'a> {
-    /// `F32` of the file.
+    /// Type `F32` in the file.
     F32(&'a [f32]),
-    /// `U32` of the file.
+    /// Type `U32` in the file.
     U32(&'a [u32]),
 }
 
@@ -94,7 +94,7 @@ impl View for Entry<'_> {
     }
 }
 
-/// Writes `(name, shape, values)` each. The file appears whole or not at all.
+/// Writes tensors, each as `(name, shape, values)`. The file appears whole or not at all.
 pub fn write_tensors<'a, V>(path: impl AsRef<Path>, tensors: &[(&str, &[usize], V)]) -> Result<()>
 where
     V: Into<ValuesRef<'a>> + Copy,
@@ -102,7 +102,7 @@ where
     write_tensors_about(path, tensors, None)
 }
 
-/// The same with a text about them, in the file's metadata.
+/// [`write_tensors`] with a text about them in the file's metadata.
 pub fn write_tensors_about<'a, V>(
     path: impl AsRef<Path>,
     tensors: &[(&str, &[usize], V)],
@@ -128,19 +128,19 @@ where
     write_whole(path, |file| file.write_all(&bytes))
 }
 
-/// Reads all tensors by name. Types other than f32 and u32 are refused.
+/// Reads all tensors by name. Types other than f32 and u32 are errors.
 pub fn read_tensors(path: impl AsRef<Path>) -> Result<BTreeMap<String, Tensor>> {
     Ok(read_tensors_about(path)?.0)
 }
 
-/// The same, and the text about them that [`write_tensors_about`] wrote.
+/// [`read_tensors`] with the text about them, if [`write_tensors_about`] wrote one.
 pub fn read_tensors_about(path: impl AsRef<Path>) -> Result<(BTreeMap<String, Tensor>, Option<String>)> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     parse_tensors_about(&bytes, path)
 }
 
-/// As [`read_tensors_about`], of a file's bytes. `path` is only named in errors.
+/// [`read_tensors_about`] from a file's bytes. `path` is only used in errors.
 pub(super) fn parse_tensors_about(bytes: &[u8], path: &Path) -> Result<(BTreeMap<String, Tensor>, Option<String>)> {
     let tensors = parse_tensors(bytes, path)?;
     let (_, header) = SafeTensors::read_metadata(bytes)
@@ -148,7 +148,7 @@ pub(super) fn parse_tensors_about(bytes: &[u8], path: &Path) -> Result<(BTreeMap
     Ok((tensors, header.metadata().as_ref().and_then(|found| found.get(ABOUT).cloned())))
 }
 
-/// `path` is only named in errors.
+/// [`read_tensors`] from a file's bytes. `path` is only used in errors.
 pub(super) fn parse_tensors(bytes: &[u8], path: &Path) -> Result<BTreeMap<String, Tensor>> {
     let file = SafeTensors::deserialize(bytes)
         .map_err(|error| Error::input(path, format!("is not a sound safetensors file: {error}")))?;

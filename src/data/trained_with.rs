@@ -1,32 +1,33 @@
-//! What a scene was trained with, which is how it is to be drawn and judged: kept in the scene's file.
+//! Training settings that a scene file keeps, since they affect drawing and evaluation.
 //!
-//! PLY files say it in comments: `SplatRenderMode: mip` or `default`, as Brush writes (Postshot's `antialiased 1` is read, too), and glint's
-//! own `glint background R G B`, `glint max_size PIXELS` and `glint exposure 1`. SOG has an object `glint` beside its `antialias`, glTF one
-//! in the extras of a node. SPZ has a flag for `antialiased` and no place for the rest.
+//! In PLY files they are comments: `SplatRenderMode: mip` or `default`, as in Brush's files (Postshot's
+//! `antialiased 1` is read too), and glint's own `glint background R G B`, `glint max_size PIXELS` and `glint
+//! exposure 1`. SOG has an object `glint` next to its `antialias`; glTF has one in the extras of a node. SPZ
+//! has a flag for `antialiased` and no room for the rest.
 
 #[cfg(feature = "train")]
 use serde::{Deserialize, Serialize};
 
-/// What the file of a scene says of its training; `None` of what it does not say.
+/// Training settings of a scene; `None` for those that the file does not have.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[cfg_attr(feature = "train", derive(Serialize, Deserialize), serde(default))]
 pub struct TrainedWith {
-    /// Colour behind the scene: sRGB values from 0 to 1.
+    /// Background colour of the scene: sRGB values from 0 to 1.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub background: Option<[f32; 3]>,
     /// Whether Gaussians smaller than a pixel fade (`Policy::compensate`).
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub antialiased: Option<bool>,
-    /// Pixels that the longer side of a photo had at most, where somebody asked for a limit.
+    /// Maximum longer side of photos, pixels, if there was a limit.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub max_size: Option<u32>,
-    /// Whether each photo had a colour map of its own, which the scene does not contain.
+    /// Whether each photo had its own colour map, which the scene does not include.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub exposure: Option<bool>,
 }
 
 impl TrainedWith {
-    /// Takes up what a PLY header's comment says, given without the word `comment`. Of a comment nothing is demanded.
+    /// Reads a PLY header's comment, given without the word `comment`. Other comments are ignored.
     pub(super) fn read_comment(&mut self, words: &[&str]) {
         let flag = |text: &str| matches!(text, "0" | "1").then_some(text == "1");
         match *words {
@@ -43,7 +44,7 @@ impl TrainedWith {
         *self = self.sound();
     }
 
-    /// Without numbers that nothing can have been trained with.
+    /// Drops invalid numbers.
     fn sound(self) -> Self {
         let colour = |rgb: &[f32; 3]| rgb.iter().all(|v| (0.0..=1.0).contains(v));
         TrainedWith {
@@ -56,7 +57,7 @@ impl TrainedWith {
 
 #[cfg(feature = "train")]
 impl TrainedWith {
-    /// The comments that [`Self::read_comment`] reads.
+    /// Writes the comments that [`Self::read_comment`] reads.
     pub(super) fn write_comments(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
         let TrainedWith { background, antialiased, max_size, exposure } = *self;
         if let Some(antialiased) = antialiased {
@@ -71,27 +72,28 @@ impl TrainedWith {
         exposure.map_or(Ok(()), |exposure| writeln!(out, "comment glint exposure {}", u8::from(exposure)))
     }
 
-    /// As serde wants [`Self::from_json`].
+    /// [`Self::from_json`] in the form that serde requires.
     ///
     /// # Errors
-    /// Where this is no JSON at all.
+    /// If it is not JSON at all.
     #[cfg(feature = "formats")]
     pub(super) fn deserialize_leniently<'a, D: serde::Deserializer<'a>>(from: D) -> Result<Self, D::Error> {
         let value = serde_json::Value::deserialize(from)?;
         Ok(Self::from_json(&value))
     }
 
-    /// An object that another program may have written, of which nothing is demanded.
+    /// Reads an object that another program may have written; ignores invalid members.
     pub(crate) fn from_json(value: &serde_json::Value) -> Self {
         Self::deserialize(value).unwrap_or_default().sound()
     }
 
-    /// Whether there is nothing to say.
+    /// Whether no setting is known.
     pub fn is_unknown(&self) -> bool {
         *self == Self::default()
     }
 
-    /// The options of `glint` that say what a file of a format does not, which has a flag for antialiasing or not.
+    /// Options of `glint` for the settings that a format does not keep; `flag`: the format has a flag for
+    /// antialiasing.
     pub(super) fn options_beyond(&self, flag: bool) -> Vec<String> {
         let TrainedWith { background, antialiased, max_size, .. } = *self;
         let background = background.filter(|rgb| *rgb != [0.0; 3]).map(|[r, g, b]| format!("--background {r},{g},{b}"));

@@ -24,11 +24,12 @@ pub(super) const TRAIN: &str = "transforms_train.json";
 const TEST: &str = "transforms_test.json";
 const VALIDATION: &str = "transforms_val.json";
 const PLAIN: &str = "transforms.json";
-/// Point clouds that nerfstudio and 3DGS write beside such a file, in the frame of its cameras.
+/// Point clouds that nerfstudio and 3DGS write next to such a file, in the frame of its cameras.
 const CLOUDS: [&str; 2] = ["sparse_pc.ply", "points3D.ply"];
 
-/// The largest entry by which RᵀR may differ from a multiple of the identity. Matrices written in float32 differ by 1e-6, those
-/// with six digits by 1e-5; an error of 1e-3 radian moves a picture with a focal length of 1000 by a pixel.
+/// Maximum entry of the difference between RᵀR and a multiple of the identity. Matrices written in float32
+/// differ by 1e-6, those with six digits by 1e-5; an error of 1e-3 radian moves a picture with a focal length
+/// of 1000 by a pixel.
 const MAX_SKEW: f64 = 1e-3;
 
 #[derive(Deserialize)]
@@ -46,14 +47,14 @@ struct File {
 struct Frame {
     file_path: String,
     mask_path: Option<String>,
-    /// Rows of numbers; a tracker that lost the frame writes anything else.
+    /// Rows of numbers; if a tracker lost the frame, it may be anything else.
     #[serde(default)]
     transform_matrix: Value,
     #[serde(flatten)]
     camera: Camera,
 }
 
-/// A number; NaN where Python writes what JSON has no word for, see [`quoted`].
+/// A number; NaN for Python's tokens that JSON does not have, see [`quoted`].
 #[derive(Clone, Copy, Deserialize)]
 #[serde(try_from = "Value")]
 struct Number(f64);
@@ -67,7 +68,7 @@ impl TryFrom<Value> for Number {
     }
 }
 
-/// What may stand once for all frames or in a frame, which then counts.
+/// Camera parameters, common to all frames or in one frame, which then wins.
 #[derive(Deserialize)]
 struct Camera {
     camera_model: Option<String>,
@@ -90,13 +91,13 @@ struct Camera {
     p2: Option<Number>,
 }
 
-/// The file to begin with in a folder, if it has one.
+/// The transforms file of a folder, if it has one; the training file first.
 pub(super) fn find(folder: &Path) -> Option<PathBuf> {
     [TRAIN, PLAIN].into_iter().map(|name| folder.join(name)).find(|path| path.is_file())
 }
 
-/// Reads `path`. In a folder, transforms_train.json comes with transforms_test.json beside it; a file that was named itself comes
-/// alone.
+/// Reads `path`. In a folder, transforms_train.json is joined by transforms_test.json; a file that the user
+/// named is read alone.
 pub(super) fn read(path: &Path, named_itself: bool, options: &DatasetOptions) -> Result<Listing> {
     let test = path.with_file_name(TEST);
     let in_folder = !named_itself && path.file_name().is_some_and(|name| name == TRAIN);
@@ -106,7 +107,7 @@ pub(super) fn read(path: &Path, named_itself: bool, options: &DatasetOptions) ->
         let (test, _) = read_file(&test, Some(Split::Test), options)?;
         all.entries.extend(test.entries);
         all.sources.extend(test.sources);
-        // Both files may say the same.
+        // Both files may give the same notes.
         all.notes.extend(test.notes);
         all.notes.dedup();
     }
@@ -116,7 +117,7 @@ pub(super) fn read(path: &Path, named_itself: bool, options: &DatasetOptions) ->
     Ok(all)
 }
 
-/// The photos of a file, and its `ply_file_path`.
+/// Reads the photos of a file, and its `ply_file_path`.
 fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Result<(Listing, Option<String>)> {
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     let file = parse(&bytes, path)?;
@@ -165,7 +166,7 @@ fn read_file(path: &Path, split: Option<Split>, options: &DatasetOptions) -> Res
         && split.is_none()
         && (train.is_some() || validation.is_some() || test.is_some())
     {
-        // What is there to choose settings by has the place of what is there to be judged by, if that is not there.
+        // Without a test list, the validation list stands in for it.
         let names = ["train_filenames", if test.is_some() { "test_filenames" } else { "val_filenames" }];
         Lists { train, test: test.or(validation), from: names.join(" and ") }.apply(&mut listed);
     }
@@ -283,7 +284,7 @@ impl File {
     }
 }
 
-/// Stands for the intrinsics of a frame that is left out.
+/// Placeholder for the intrinsics of a frame that is left out.
 const NO_CAMERA: SourceCamera =
     SourceCamera { size: None, focal: Focal::Sphere, center: None, distortion: Distortion::Equirectangular };
 
@@ -293,7 +294,7 @@ impl Frame {
     }
 }
 
-/// Reads `bytes` and judges every frame as [`read`] does, without looking for its image.
+/// Reads `bytes` and checks every frame like [`read`], without looking for images.
 pub(super) fn check(bytes: &[u8], path: &Path) -> Result<()> {
     let file = parse(bytes, path)?;
     file.frames
@@ -369,7 +370,7 @@ fn source_camera(frame: &Camera, all: &Camera) -> Result<SourceCamera, String> {
     };
     let size = pair(given!(w), given!(h), "`w` and `h`")?;
     if model == "EQUIRECTANGULAR" {
-        // Focal length and principal point mean nothing here, whatever a writer has put there.
+        // A sphere ignores focal length and principal point.
         let camera = SourceCamera { size, focal: Focal::Sphere, center: None, distortion: Distortion::Equirectangular };
         return camera.check().map(|()| camera);
     }
@@ -385,10 +386,10 @@ fn source_camera(frame: &Camera, all: &Camera) -> Result<SourceCamera, String> {
     let distortion = Distortion::Polynomial(if fisheye {
         Polynomial { fisheye, radial: [k1, k2, k3, k4, 0.0, 0.0], ..Default::default() }
     } else if model == "FULL_OPENCV" || k5 != 0.0 || k6 != 0.0 {
-        // OpenCV divides by k4 and on.
+        // OpenCV divides by the terms from k4 on.
         Polynomial { radial: [k1, k2, k3, 0.0, 0.0, 0.0], divisor: [k4, k5, k6], ..plain }
     } else {
-        // nerfstudio, whose format this is, has k4 for one more power.
+        // nerfstudio, the source of this format, uses k4 for one more power.
         Polynomial { radial: [k1, k2, k3, k4, 0.0, 0.0], ..plain }
     });
     let camera = SourceCamera { size, focal, center: pair(given!(cx), given!(cy), "`cx` and `cy`")?, distortion };
@@ -396,13 +397,14 @@ fn source_camera(frame: &Camera, all: &Camera) -> Result<SourceCamera, String> {
     Ok(camera)
 }
 
-/// World-to-camera rotation and translation in OpenCV axes from a camera-to-world matrix in OpenGL axes. A uniform scale of the
-/// rotation part (a scaled camera object in Blender) changes no ray and is taken out; skew and mirroring are refused.
+/// World-to-camera rotation and translation in OpenCV axes, from a camera-to-world matrix in OpenGL axes. A
+/// uniform scale of the rotation part (a scaled camera object in Blender) changes no ray and is removed; skew
+/// and mirroring are errors.
 fn pose(matrix: &Value) -> Result<(DMat3, DVec3), String> {
     if matrix.is_null() {
         return Err("there is no `transform_matrix`".into());
     }
-    // Anything else than a number counts as NaN.
+    // Anything except a number counts as NaN.
     let numbers = |row: &Value| -> Vec<f64> {
         row.as_array().into_iter().flatten().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
     };
@@ -469,7 +471,7 @@ mod tests {
         folder
     }
 
-    /// Reads a transforms.json with these members and one frame with those.
+    /// Reads a transforms.json with the members `all`, and one frame with the members `frame`.
     fn one(all: Value, frame: Value) -> Result<Entry> {
         let mut file = json!({"frames": [{"file_path": "a.png", "transform_matrix": UPRIGHT}]});
         let merge = |into: &mut Value, from: &Value| {
@@ -517,7 +519,7 @@ mod tests {
         assert!(gram.to_cols_array().iter().all(|v| v.abs() < 1e-12));
     }
 
-    /// Asserts the reason why the frame is left out.
+    /// Checks the reason why the frame is left out.
     #[track_caller]
     fn expect_lost(frame: Value, part: &str) {
         let why = one(json!({"camera_angle_x": 0.7}), frame).unwrap().lost.unwrap();
@@ -548,7 +550,7 @@ mod tests {
         }
     }
 
-    /// Python writes what JSON has no word for.
+    /// Python writes tokens that JSON does not have.
     #[test]
     fn a_frame_without_a_pose_does_not_refuse_the_others() {
         let read = |first: &str| {
@@ -588,7 +590,7 @@ mod tests {
         assert_eq!(camera, SourceCamera { size: None, focal: Focal::Pixels([100.0, 100.0]), center: None, distortion });
         let camera = one(json!({"camera_angle_x": 0.7, "camera_model": "PINHOLE"}), json!({})).unwrap().camera;
         assert_eq!(camera.focal, Focal::Angles { x: 0.7, y: None });
-        // Endings that were left out are found.
+        // Omitted endings are found.
         assert!(one(all, json!({"file_path": "./b"})).unwrap().path.unwrap().ends_with("b.jpeg"));
         let lens = |all: Value| one(all, json!({"fl_x": 100})).unwrap().camera;
         let k = json!({"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4, "camera_model": "opencv"});
@@ -624,7 +626,7 @@ mod tests {
         with(json!({"fl_x": 1.0, "cx": "Infinity", "cy": 2}), &["principal point [inf, 2.0]"]);
         with(json!({"fl_x": 1.0, "w": 64}), &["only one of `w` and `h`"]);
         with(json!({"fl_x": 1.0, "w": 0, "h": 5}), &["size"]);
-        // A frame's own number counts, whatever it is.
+        // A frame's own value wins, even if it is invalid.
         expect(json!({"fl_x": 1.0}), json!({"fl_x": "NaN"}), &["focal lengths [NaN, NaN]"]);
         let refused = one(json!({"fl_x": "wide"}), json!({})).err().unwrap().to_string();
         assert!(refused.contains("not a sound transforms file: expected a number"), "{refused}");
@@ -756,7 +758,7 @@ mod tests {
             let named = json!({"fl_x": 9.0, "frames": [frame], "ply_file_path": moved}).to_string();
             assert_eq!(with(&named, &["points.ply"]), (points.clone(), "points.ply".into(), String::new()), "{moved}");
         }
-        // A scene of that name has no points to begin with, and what is broken is told.
+        // A scene with that name does not give first points, and a broken file is reported.
         let broken = [
             (PLAIN, &plain[..]),
             ("a.png", ""),

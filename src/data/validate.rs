@@ -1,4 +1,4 @@
-//! What a scene's numbers must be.
+//! Checks the validity of a scene's numbers.
 
 use super::ply_columns::{BASE, NO_LOBES, SUPPLEMENT, columns, number};
 use crate::{
@@ -6,21 +6,23 @@ use crate::{
     scene::{Gaussians, Lobes, Scene, color},
 };
 
-/// Lobe widths T are kept in this range by the method (section 1).
+/// Range of lobe widths T in the method (section 1).
 const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
 
-/// What an opacity of 1 is read as, whose logit is +∞: ln 2²⁵, which is 1 in float32.
+/// Replaces a logit of +∞, an opacity of 1: ln 2²⁵, whose opacity is 1 in float32.
 const OPAQUE: f32 = 17.328_68;
-/// What an opacity of 0 is read as, whose logit is −∞, and a size of 0, whose logarithm is −∞: the logarithm of the smallest normal float32.
+/// Replaces −∞, as the logit of an opacity of 0 or the logarithm of a size of 0: the logarithm of the
+/// smallest normal float32.
 const NOTHING: f32 = -87.336_54;
 
-/// Infinities that mean something become numbers that the kernels draw the same: logits of ±∞, and log scales of −∞ (flat Gaussians).
+/// Replaces meaningful infinities by numbers that kernels draw the same: logits of ±∞, and log scales of −∞
+/// (flat Gaussians).
 pub(crate) fn make_finite(scene: &mut Scene) {
     make_finite_part(&mut scene.base);
     scene.supplement.iter_mut().for_each(|supplement| make_finite_part(&mut supplement.gaussians));
 }
 
-/// The same of a part of a scene.
+/// [`make_finite`] for one segment of a scene.
 pub(super) fn make_finite_part(gaussians: &mut Gaussians) {
     for logit in gaussians.opacities.iter_mut().filter(|logit| logit.is_infinite()) {
         *logit = if *logit > 0.0 { OPAQUE } else { NOTHING };
@@ -29,27 +31,27 @@ pub(super) fn make_finite_part(gaussians: &mut Gaussians) {
     scales.filter(|scale| **scale == f32::NEG_INFINITY).for_each(|scale| *scale = NOTHING);
 }
 
-/// What a lenient reader left out.
+/// Gaussians that a lenient reader dropped.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Base and supplementary Gaussians.
+    /// Number of dropped base Gaussians; `supplementary` counts the others.
     pub base: usize,
     /// See `base`.
     pub supplementary: usize,
-    /// What is wrong with the first of them: element, row and property.
+    /// Fault of the first one: element, row and property.
     pub first: Option<String>,
 }
 
-/// Whether a scene is one that a file could hold: lists of one length, finite numbers, rotations and lobes with a direction. For scenes
-/// that come from elsewhere; those that were read are.
+/// Checks that a scene could be stored in a file: lists of equal length, finite numbers, rotations and lobes
+/// with a direction. For scenes from elsewhere; readers check it already.
 ///
 /// # Errors
-/// [`Error::Usage`], which names what is wrong as a PLY file has it: `vertex` is the base, `augmented` the supplement.
+/// [`Error::Usage`], naming the fault in PLY's terms: `vertex` is the base, `augmented` the supplement.
 pub fn check_scene(scene: &Scene) -> Result<()> {
     check(scene).map_err(|what| Error::Usage(format!("a scene: {what}")))
 }
 
-/// Lengths, finiteness, rotations and lobes; what is wrong names element, row and property.
+/// Checks lengths, finiteness, rotations and lobes; the error names element, row and property.
 pub(super) fn check(scene: &Scene) -> Result<(), String> {
     lengths(scene)?;
     let mut first = faults(BASE, &scene.base, None).next();
@@ -59,7 +61,7 @@ pub(super) fn check(scene: &Scene) -> Result<(), String> {
     first.map_or(Ok(()), |(_, fault)| Err(fault))
 }
 
-/// Lengths and degrees alone.
+/// Checks lengths and degrees only.
 pub(crate) fn lengths(scene: &Scene) -> Result<(), String> {
     check_lengths(BASE, &scene.base)?;
     if let Some(supplement) = &scene.supplement {
@@ -77,7 +79,7 @@ pub(crate) fn lengths(scene: &Scene) -> Result<(), String> {
     Ok(())
 }
 
-/// Removes the rows that are not sound from a scene whose lengths are.
+/// Removes invalid rows from a scene with valid lengths.
 pub(super) fn drop_faults(scene: &mut Scene) -> Dropped {
     let (base, first) = keep_sound(BASE, &mut scene.base, None);
     let mut dropped = Dropped { base, supplementary: 0, first };
@@ -89,7 +91,7 @@ pub(super) fn drop_faults(scene: &mut Scene) -> Dropped {
     dropped
 }
 
-/// How many rows were removed, and what is wrong with the first.
+/// Removes invalid rows; returns their number, and the fault of the first.
 fn keep_sound(element: &str, gaussians: &mut Gaussians, lobes: Option<&mut Lobes>) -> (usize, Option<String>) {
     let (mut keep, mut first) = (vec![true; gaussians.len()], None);
     for (row, fault) in faults(element, gaussians, lobes.as_deref()) {
@@ -110,7 +112,7 @@ fn keep_sound(element: &str, gaussians: &mut Gaussians, lobes: Option<&mut Lobes
     (keep.iter().filter(|&&keep| !keep).count(), first)
 }
 
-/// Keeps the values of some rows, each of which has `width` of them.
+/// Keeps the values of some rows, each with `width` values.
 fn retain<T>(values: &mut Vec<T>, keep: &[bool], width: usize) {
     let mut i = 0;
     values.retain(|_| {
@@ -130,7 +132,7 @@ fn check_lengths(element: &str, gaussians: &Gaussians) -> Result<(), String> {
     Ok(())
 }
 
-/// Rows that are not valid, and what is wrong with them.
+/// Invalid rows, each with its fault.
 fn faults<'a>(
     element: &'a str,
     gaussians: &'a Gaussians,
@@ -155,7 +157,7 @@ fn faults<'a>(
         .filter_map(move |row| Some((row, format!("row {row} of element `{element}`: {}", fault(row)?))))
 }
 
-/// As the kernels have it (`to_unit`): of any length that float32 holds, but denormals count as 0.
+/// Same rule as in the kernels (`to_unit`): any length that float32 holds, except that denormals count as 0.
 fn has_direction(finite: &[f32]) -> bool {
     finite.iter().any(|v| v.is_normal())
 }

@@ -1,4 +1,4 @@
-//! Images out: 32-bit EXR and 8-bit PNG. All files appear whole or not at all.
+//! Writes images: 32-bit EXR and 8-bit PNG. All files appear whole or not at all.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -9,7 +9,7 @@ use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use super::atomic::write_whole;
 use crate::{Error, Result};
 
-/// Nearest 8-bit value of `value` in 0 to 1; what is outside is clamped, NaN is 0.
+/// Nearest 8-bit value of `value` in 0 to 1; values outside are clamped, NaN becomes 0.
 pub fn to_byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
@@ -19,7 +19,8 @@ pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
     write_whole(path.as_ref(), |file| file.write_all(text.as_bytes()))
 }
 
-/// Writes float32 RGB, `rgb` interleaved with 3 values per pixel and rows from the top, unclamped and unconverted.
+/// Writes float32 RGB, `rgb` interleaved with 3 values per pixel and rows from the top, without clamping or
+/// conversion.
 pub fn write_exr_rgb(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
     let path = path.as_ref();
     check(path, width, height, 3, rgb.len())?;
@@ -27,7 +28,8 @@ pub fn write_exr_rgb(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[f32
     write_exr(path, width, height, [("R", plane(0)), ("G", plane(1)), ("B", plane(2))])
 }
 
-/// Writes one float32 channel (`Z` is the customary name of depth, `Y` of grey), one value per pixel, rows from the top.
+/// Writes one float32 channel (`Z` is the usual name of depth, `Y` of grey), one value per pixel, rows from
+/// the top.
 pub fn write_exr_channel(path: impl AsRef<Path>, width: u32, height: u32, name: &str, values: &[f32]) -> Result<()> {
     let path = path.as_ref();
     check(path, width, height, 1, values.len())?;
@@ -39,8 +41,8 @@ fn write_exr<const N: usize>(path: &Path, width: u32, height: u32, planes: [(&st
         planes.into_iter().map(|(name, plane)| AnyChannel::new(name, FlatSamples::F32(plane))).collect();
     let size = (width as usize, height as usize);
     let image = exr::prelude::Image::from_channels(size, AnyChannels::sort(channels));
-    // The encoder seeks, so the bytes are made in memory first. In parallel, chunks would lie in the file in the order in which
-    // threads finish them.
+    // The encoder seeks, so make the bytes in memory first. In parallel, the order of chunks in the file
+    // would depend on thread timing.
     let mut bytes = io::Cursor::new(Vec::new());
     image.write().non_parallel().to_buffered(&mut bytes).map_err(|error| Error::io(path, io::Error::other(error)))?;
     write_whole(path, |file| file.write_all(bytes.get_ref()))
@@ -52,7 +54,7 @@ pub fn write_png_rgb(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[f32
     write_png_bytes(path, width, height, &bytes)
 }
 
-/// Writes 8-bit RGB as it is, interleaved, rows from the top.
+/// Writes 8-bit RGB unchanged, interleaved, rows from the top.
 pub fn write_png_bytes(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8]) -> Result<()> {
     check(path.as_ref(), width, height, 3, rgb.len())?;
     write_png(path.as_ref(), width, height, rgb, ExtendedColorType::Rgb8)
@@ -114,7 +116,7 @@ mod tests {
         assert_eq!(read("Z"), depth);
     }
 
-    /// Large enough for several chunks, which threads would finish in any order.
+    /// Large enough for several chunks, whose order would otherwise depend on threads.
     #[test]
     fn an_exr_has_the_same_bytes_every_time() {
         let folder = tempfile::tempdir().unwrap();

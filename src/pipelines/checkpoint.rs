@@ -1,8 +1,8 @@
-//! What a training loop has learned so far, as one safetensors file: everything that the steps to come need, so that they give the
-//! bits of a run that was never interrupted.
+//! Checkpoints of a training loop: one safetensors file with everything that the remaining steps need. A
+//! resumed run gives the same bits as an uninterrupted one.
 //!
-//! The file says what it was made from, as work folders do, and has a checksum, since a bit that fell over in a parameter would
-//! look like any other.
+//! The file records the settings it was made with, as work folders do. A checksum guards it, since a flipped
+//! bit in a parameter would go unnoticed.
 
 use std::{collections::BTreeMap, io, path::Path};
 
@@ -21,39 +21,39 @@ use crate::{
     error::{Error, Result},
 };
 
-/// How a run stood that has a time and no number of steps.
+/// Progress of a run that is limited by time, not by a number of steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Clock {
-    /// Steps that it was planned to have, of which the checkpoint's count as done.
+    /// Steps that the run was planned to have; the checkpoint's `step` counts towards these.
     pub total: u32,
-    /// Steps that were taken.
+    /// Steps that were really taken. A change of plan rescales `step` and `total`, not this number.
     pub taken: u32,
-    /// Of its time that were spent.
+    /// Milliseconds of the run's time that are spent.
     pub milliseconds: u64,
 }
 
 /// A training loop between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
-    /// Steps that are done.
+    /// Finished steps.
     pub step: u32,
-    /// Of a run that has a time; whoever keeps it says so.
+    /// Set by the caller, only for a run that is limited by time.
     pub clock: Option<Clock>,
-    /// For whoever reads the scene in it; whoever keeps it says so.
+    /// Training settings, for readers of the scene in this file; the caller sets them.
     pub trained_with: TrainedWith,
     tensors: BTreeMap<String, Tensor>,
 }
 
-/// What there is at a checkpoint's path.
+/// Result of [`Checkpoint::find`].
 #[derive(Debug)]
 pub enum Found {
-    /// No file: the run begins.
+    /// There is no file: the run starts from the beginning.
     Nothing,
-    /// Of this run, and whole.
+    /// A complete checkpoint of this run.
     Sound(Checkpoint),
-    /// Of other settings; the first that differs.
+    /// The file belongs to a run with other settings, or is not a checkpoint; names the first difference.
     Foreign(String),
-    /// And why.
+    /// A checkpoint that cannot be used, and the reason.
     Damaged(Error),
 }
 
@@ -62,7 +62,7 @@ impl Checkpoint {
         Checkpoint { step, clock: None, trained_with: TrainedWith::default(), tensors: BTreeMap::new() }
     }
 
-    /// Where the coordinates of the scene in it begin.
+    /// Stores the origin of the coordinates of the scene in this checkpoint.
     pub(super) fn put_origin(&mut self, origin: DVec3) {
         let values = Values::U32(origin_words(origin).to_vec());
         self.tensors.insert(ORIGIN.into(), Tensor { shape: vec![3, 2], values });
@@ -76,7 +76,7 @@ impl Checkpoint {
         self.tensors.insert(name, Tensor { shape: vec![values.len()], values: Values::U32(values) });
     }
 
-    /// The words of a tensor, if it is there.
+    /// The words of a tensor; `None` if it is missing or not of type u32.
     pub(super) fn words(&self, name: &str) -> Option<&[u32]> {
         match &self.tensors.get(name)?.values {
             Values::U32(words) => Some(words),
@@ -84,13 +84,13 @@ impl Checkpoint {
         }
     }
 
-    /// Elements of the last dimension of a tensor: Gaussians, where it holds their planes.
+    /// Length of the last dimension of a tensor: the number of Gaussians, if it holds planes.
     pub(super) fn columns(&self, name: &str) -> Result<usize> {
         let shape = self.tensors.get(name).and_then(|tensor| tensor.shape.last());
         shape.copied().ok_or_else(|| Error::Usage(format!("the checkpoint has no `{name}`")))
     }
 
-    /// The values of a tensor, which must be so many.
+    /// The values of a tensor; an error unless it has exactly `count` values.
     pub(super) fn floats(&self, name: &str, count: usize) -> Result<&[f32]> {
         match self.tensors.get(name) {
             // guard: checkpoints of another size
@@ -99,7 +99,7 @@ impl Checkpoint {
         }
     }
 
-    /// Writes it whole or not at all. `settings` is everything that the run depends on.
+    /// Writes the whole file or nothing. `settings` is everything that the run depends on.
     pub fn write(&self, path: &Path, settings: &Value) -> Result<()> {
         let mut about = json!({"step": self.step, "clock": self.clock, "settings": settings});
         if !self.trained_with.is_unknown() {
@@ -110,15 +110,15 @@ impl Checkpoint {
         write_tensors_about(path, &list, Some(&about.to_string()))
     }
 
-    /// What an earlier run left at `path`, if it was one of the same `settings`.
+    /// Reads the checkpoint at `path`, if it was written with the same `settings`.
     ///
     /// # Errors
-    /// [`Error::Io`] where what is there cannot be read.
+    /// [`Error::Io`] if the file cannot be read.
     pub fn find(path: &Path, settings: &Value) -> Result<Found> {
         let (tensors, about) = match read_tensors_about(path) {
             Ok(found) => found,
             Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
-            // What is no safetensors file never was a checkpoint.
+            // A file that is not safetensors never was a checkpoint.
             Err(error @ Error::Input { .. }) => match Kind::of_file(path)? {
                 Kind::Safetensors | Kind::Empty => return Ok(Found::Damaged(error)),
                 kind => return Ok(Found::Foreign(format!("it is {kind}"))),
@@ -126,12 +126,13 @@ impl Checkpoint {
             Err(error) => return Err(error),
         };
         let damaged = |what: &str| Ok(Found::Damaged(Error::input(path, what)));
-        // No checkpoint of ours: somebody else's file, which is not for us to replace.
+        // Not written by glint, so glint must not replace it.
         let Some(about) = about else { return Ok(Found::Foreign("it does not say what it was made from".into())) };
         let Ok(about) = serde_json::from_str::<Value>(&about) else {
             return damaged("is damaged: what it was made from cannot be read");
         };
-        // As it is read back, since a number may differ in its last digit from what was written.
+        // Compare with the settings after a round trip through text, since numbers may lose their last digit
+        // there.
         let now: Value = serde_json::from_str(&settings.to_string()).unwrap_or(Value::Null);
         if let Some(what) = difference(&about["settings"], &now, "") {
             return Ok(Found::Foreign(what));
@@ -155,7 +156,7 @@ impl Checkpoint {
     }
 }
 
-/// A tensor as it is written.
+/// Borrows a tensor for writing.
 #[derive(Clone, Copy)]
 struct Borrowed<'a>(&'a Tensor);
 
@@ -168,7 +169,7 @@ impl<'a> From<Borrowed<'a>> for ValuesRef<'a> {
     }
 }
 
-/// The first place where two JSON values differ, and what is there.
+/// Describes the first difference between two JSON values; `place` is the path to them.
 fn difference(found: &Value, now: &Value, place: &str) -> Option<String> {
     if let (Value::Object(a), Value::Object(b)) = (found, now) {
         let inside = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
@@ -216,7 +217,7 @@ mod tests {
         let Found::Foreign(what) = find(&other) else { panic!("not foreign") };
         assert_eq!(what, "`options.seed` was 0 and is 3");
 
-        // Every bit counts, wherever it is, and so does the end.
+        // A flip of any bit, and any truncation, is noticed.
         let whole = fs::read(&path).unwrap();
         for at in (0..whole.len()).step_by(3) {
             let mut bytes = whole.clone();
@@ -232,13 +233,13 @@ mod tests {
             fs::write(&path, &whole[..len]).unwrap();
             assert!(matches!(find(&settings), Found::Damaged(_)), "{len} bytes");
         }
-        // What never was one is somebody's.
+        // A file of another kind belongs to somebody else.
         fs::write(&path, "ply\nformat").unwrap();
         let Found::Foreign(what) = find(&settings) else { panic!("not foreign") };
         assert_eq!(what, "it is a PLY file");
         crate::data::write_tensors(&path, &[("losses", &[1], &[1.0f32][..])]).unwrap();
         assert!(matches!(find(&settings), Found::Foreign(_)));
-        // A folder is nobody's checkpoint.
+        // A folder is not a checkpoint.
         assert!(Checkpoint::find(folder.path(), &settings).is_err());
     }
 }

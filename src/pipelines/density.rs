@@ -1,8 +1,8 @@
-//! Density control (method, section 2): Gaussians are pruned and multiplied while they train, wholly on the device and the same
-//! every run.
+//! Density control (method, section 2): prunes and multiplies Gaussians during training. It runs entirely on
+//! the device and gives the same result every run.
 //!
-//! A refinement is weigh → scan of what is alive → scan or sort of the keys → plan → draw → place → gather → apply. How many
-//! Gaussians there are afterwards is the device's to know; every dispatch follows.
+//! A refinement is weigh → scan of the living Gaussians → scan or sort of the keys → plan → draw → place →
+//! gather → apply. The new number of Gaussians lives on the device, and later dispatches read it there.
 
 use super::{
     learn::{Beside, NEWTON_PART, Rates, moments_of, sh_moments},
@@ -44,18 +44,18 @@ pub enum Strategy {
 }
 
 impl Strategy {
-    /// Whether its steps are Newton's; others' are Adam's, as they were published.
+    /// Whether steps are Newton's; the published strategies use Adam's.
     pub fn is_newton(self) -> bool {
         matches!(self, Strategy::Fixed | Strategy::Budget)
     }
 }
 
-/// What density control does over a run.
+/// Options of density control for one run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DensityOptions {
-    /// What is pruned and what is multiplied.
+    /// Selects the Gaussians to prune and to multiply.
     pub strategy: Strategy,
-    /// Gaussians at most; what [`Strategy::Budget`] comes to.
+    /// Maximum number of Gaussians; [`Strategy::Budget`] grows to this number.
     pub limit: u32,
     /// Gaussians at the start.
     pub first: u32,
@@ -63,54 +63,60 @@ pub struct DensityOptions {
     pub iterations: u32,
 }
 
-/// One refinement.
+/// One refinement: a change of the Gaussians between two steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Event {
-    /// Gaussians afterwards, and that share (one in `nth`) more than before, whichever is more.
+    /// Number of Gaussians afterwards: `target`, or one in `nth` more than before, whichever is more.
     target: u32,
     nth: u32,
-    /// Opacities afterwards at most.
+    /// Upper limit of opacities afterwards.
     most: f32,
-    /// For the hash: several events of a step differ.
+    /// Input of the hash; differs between the events of one step.
     number: u32,
 }
 
-/// Steps of the runs that 3DGS and 3DGS-MCMC have their numbers for; other runs keep the proportions.
+/// Length of the published 3DGS and 3DGS-MCMC runs, in steps. Other lengths scale their numbers
+/// proportionally.
 const FULL_RUN: f64 = 30_000.0;
-/// Opacity at or below which a Gaussian goes.
+/// A Gaussian with this opacity or less is pruned.
 pub const LEAST_OPACITY: f32 = 0.005;
-/// ADC multiplies what the loss pulls by more than this over the image, on average over the views that blend it.
+/// ADC multiplies a Gaussian whose gradient over the image exceeds this, averaged over the views that blend
+/// it.
 pub const LEAST_PULL: f32 = 2e-4;
-/// Largest scale of what ADC clones, of the extent; what is larger it splits.
+/// ADC clones Gaussians up to this scale, as a fraction of the extent, and splits larger ones.
 pub const CLONE_SCALE: f32 = 0.01;
 /// Opacity that ADC resets to.
 pub const RESET_OPACITY: f32 = 0.01;
-/// MCMC: of so many Gaussians one more at each refinement.
+/// MCMC: each refinement adds one Gaussian per this number.
 pub const GROWTH_NTH: u32 = 20;
-/// MCMC: noise of a step, times the rate of positions.
+/// MCMC: noise of a step, as a multiple of the rate of positions.
 pub const NOISE: f32 = 5e5;
-/// MCMC: weights in the loss of mean opacity and mean scale.
+/// MCMC: weights of mean opacity and mean scale in the loss.
 pub const MEAN_WEIGHT: f32 = 0.01;
-/// MCMC: first opacity, and first scale relative to that of 3DGS.
+/// MCMC: initial opacity, and initial scale relative to that of 3DGS.
 pub const FIRST_OPACITY: f32 = 0.5;
 /// See [`FIRST_OPACITY`].
 pub const FIRST_SCALE: f32 = 0.1;
-/// MCMC: rate of opacities.
+/// MCMC: learning rate of opacities.
 pub const OPACITY_RATE: f32 = 0.05;
-/// The budget is spent from this part of the run on, wholly by the second, and what is transparent moves until the third.
+/// The budget, as fractions of the run: growth starts at the first and ends at the second; transparent
+/// Gaussians move until the third.
 pub const BUDGET_SPAN: [f64; 3] = [0.02, 0.6, 0.85];
-/// The budget: refinements of a run, as far as intervals of 10 to 100 steps allow.
+/// The budget: refinements per run, if that gives intervals of 10 to 100 steps; otherwise the interval is
+/// clamped.
 pub const BUDGET_EVENTS: u32 = 40;
-/// The budget looks at the scores of one step in so many.
+/// The budget: one step in this number collects scores.
 pub const SCORED_NTH: u32 = 3;
-/// The budget: what the rates of a run end with, of what they began with.
+/// The budget: the last learning rates of a run, as a fraction of the first.
 pub const LAST_RATE: f64 = 0.6;
-/// The budget: from the last of [`BUDGET_SPAN`] on, when no more Gaussians come, the rates of rotations and opacities fall to this part
-/// of what they would be, and so does the part of the way that steps go, which are Newton's.
+/// The budget: from the last of [`BUDGET_SPAN`] on, the number of Gaussians is fixed. From then to the end,
+/// the rates of rotations and opacities fall to this fraction, and so does the fraction of the way to the
+/// minimum that a Newton step goes.
 pub const SETTLED_RATE: f64 = 0.1;
-/// The budget: rate of positions, of that of 3DGS: a Newton's step finds its own length and needs more way.
+/// The budget: rate of positions, relative to that of 3DGS. A Newton step finds its own length and needs a
+/// wider bound.
 pub const MEAN_RATE: f64 = 2.0;
-/// The budget: rates are those of 3DGS times this power of how much shorter than 3DGS's the run is.
+/// The budget: rates are multiplied by (3DGS's run length / this run's length) to this power.
 pub const RATE_POWER: f64 = 0.2;
 
 impl DensityOptions {
@@ -118,19 +124,21 @@ impl DensityOptions {
     pub fn interval(&self) -> u32 {
         match self.strategy {
             Strategy::Fixed => u32::MAX,
-            // Every 100th of 30,000; in a shorter run no fewer than 20, so that some views are seen between two.
+            // Every 100 of 30,000 steps; in a shorter run at least 20, so that some views are seen between
+            // two refinements.
             Strategy::Mcmc | Strategy::Adc => (self.iterations / 300).clamp(20, 100),
             Strategy::Budget => (self.iterations / BUDGET_EVENTS).clamp(10, 100),
         }
     }
 
-    /// Gaussians that the budget has for the time after step `step` (from 0): B at last, N0 at first, and
-    /// N0 + (B − N0) (1 − (1 − x)²) between, x going from 0 to 1 over the first two of [`BUDGET_SPAN`].
+    /// Number of Gaussians that the budget allows after step `step` (from 0): N0 at first, B at the end. In
+    /// between it is N0 + (B − N0) (1 − (1 − x)²), x rising from 0 to 1 over the first two of
+    /// [`BUDGET_SPAN`].
     pub fn budget(&self, step: u32) -> u32 {
         self.budget_at(self.part(step + 1))
     }
 
-    /// The same where `part` of the run is over.
+    /// [`DensityOptions::budget`] at the fraction `part` of the run.
     fn budget_at(&self, part: f64) -> u32 {
         let [begin, full, _] = BUDGET_SPAN;
         let x = ((part - begin) / (full - begin)).clamp(0.0, 1.0);
@@ -138,8 +146,8 @@ impl DensityOptions {
         (first + (limit - first) * (1.0 - (1.0 - x).powi(2))).round() as u32
     }
 
-    /// Gaussians that there will be where `part` of the run is over, as a share of the most, as far as that is known beforehand: of
-    /// strategies whose number follows from the scene it is 1.
+    /// Expected number of Gaussians at the fraction `part` of the run, relative to the maximum. It is 1 for
+    /// strategies that let the scene decide the number.
     pub fn share(&self, part: f64) -> f64 {
         match self.strategy {
             Strategy::Budget if self.first < self.limit => f64::from(self.budget_at(part)) / f64::from(self.limit),
@@ -147,12 +155,12 @@ impl DensityOptions {
         }
     }
 
-    /// Part of the run that `steps` steps are.
+    /// Converts a number of steps to a fraction of the run.
     fn part(&self, steps: u32) -> f64 {
         f64::from(steps) / f64::from(self.iterations.max(1))
     }
 
-    /// The refinements after step `step` (from 0), in their order.
+    /// The refinements after step `step` (from 0), in order.
     fn events(&self, step: u32) -> Vec<Event> {
         if self.strategy == Strategy::Fixed || !(step + 1).is_multiple_of(self.interval()) {
             return Vec::new();
@@ -160,7 +168,7 @@ impl DensityOptions {
         let (t, [begin, _, end]) = (self.part(step + 1), BUDGET_SPAN);
         let plain = Event { target: 0, nth: 0, most: 1.0, number: 2 * step };
         match self.strategy {
-            // First what is dead moves, then there are more.
+            // First move the dead Gaussians, then grow.
             Strategy::Mcmc if (500.0 / FULL_RUN..25_000.0 / FULL_RUN).contains(&t) => {
                 vec![plain, Event { nth: GROWTH_NTH, number: 2 * step + 1, ..plain }]
             }
@@ -173,7 +181,7 @@ impl DensityOptions {
         }
     }
 
-    /// Whether step `step` looks at the scores of its view.
+    /// Whether step `step` collects the scores of its view.
     fn scores(&self, step: u32) -> bool {
         match self.strategy {
             Strategy::Fixed | Strategy::Mcmc => false,
@@ -182,7 +190,7 @@ impl DensityOptions {
         }
     }
 
-    /// What step `step` learns by, from what a base of fixed number does.
+    /// Learning rates of step `step`, derived from the `rates` of a base with a fixed number of Gaussians.
     pub fn rates(&self, rates: Rates, step: u32) -> Rates {
         match self.strategy {
             Strategy::Adc => rates,
@@ -210,7 +218,7 @@ impl DensityOptions {
         }
     }
 
-    /// Makes of the Gaussians that 3DGS begins with those that the strategy does.
+    /// Turns 3DGS's initial Gaussians into those of the strategy.
     pub fn begin(&self, gaussians: &mut Gaussians) {
         let logit = |opacity: f32| (opacity / (1.0 - opacity)).ln();
         if self.strategy == Strategy::Mcmc {
@@ -221,7 +229,7 @@ impl DensityOptions {
 }
 
 buffers! {
-    /// Beside [`ByNumber`].
+    /// Buffers other than [`ByNumber`].
     struct DensityBuffers(limit: u32) {
         words: u32 = WORDS,
         args: u32 = 3,
@@ -231,7 +239,8 @@ buffers! {
     }
 }
 
-/// By number of a Gaussian. A refinement comes when a step is done, so all of it lies in memory of the step's splats.
+/// Lists by Gaussian number. A refinement runs after a step, so all of them reuse the memory of the step's
+/// splats.
 struct ByNumber {
     alive: Buffer<u32>,
     ranks: Buffer<u32>,
@@ -246,7 +255,7 @@ struct ByNumber {
 
 const KEY_BITS: u32 = 32;
 
-/// Density control of a model's base, with all that it needs.
+/// Density control of a model's base, with its pipelines and buffers.
 pub struct Density {
     options: DensityOptions,
     seed: u32,
@@ -270,7 +279,7 @@ pub struct Density {
     noise: density_noise::Stage,
 }
 
-/// The view of a step, whose splats and lists `raster` still has.
+/// The view of a step; `raster` still holds its splats and lists.
 #[derive(Clone, Copy)]
 pub(super) struct ScoredView<'a> {
     pub model: &'a Model,
@@ -283,10 +292,11 @@ pub(super) struct ScoredView<'a> {
 }
 
 impl Density {
-    /// For `model`, which has room for `options.limit` Gaussians in its base, and `raster`, which all its steps go through.
+    /// For a `model` whose base has room for `options.limit` Gaussians, and the `raster` that all its steps
+    /// use.
     ///
     /// # Errors
-    /// [`Error::Usage`] where it has not; else what the device lacks.
+    /// [`Error::Usage`] if the model has less room; otherwise an error of the device.
     pub fn new(session: &Session, model: &Model, raster: &Raster, options: &DensityOptions) -> Result<Self> {
         let (context, limit) = (&session.context, options.limit);
         let part = model.part(Segment::Base);
@@ -342,17 +352,18 @@ impl Density {
         })
     }
 
-    /// What it was made with.
+    /// The options it was made with.
     pub fn options(&self) -> &DensityOptions {
         &self.options
     }
 
-    /// Its refinements are from now on those of a run of another length.
+    /// Refines as in a run of `iterations` steps from now on.
     pub(super) fn replan(&mut self, iterations: u32) {
         self.options.iterations = iterations;
     }
 
-    /// After the step on a view: adds its scores where the step looks at them. The raster's gradient records may be written anew.
+    /// Adds the scores of the view that a step has just rendered, if this step collects scores. May overwrite
+    /// the raster's gradient records.
     pub(super) fn record_scores(&self, recorder: &mut Recorder, step: u32, seen: &ScoredView<'_>) {
         if !self.options.scores(step) {
             return;
@@ -402,7 +413,8 @@ impl Density {
         }
     }
 
-    /// After all else of step `step`: noise, and the refinements that are due. `moments` go with the Gaussians.
+    /// Runs last in step `step`: adds noise, and runs the refinements that are due. `moments` move along with
+    /// the Gaussians.
     pub(super) fn record(
         &self,
         recorder: &mut Recorder,
@@ -510,7 +522,7 @@ impl Density {
         self.record_changes(recorder, model, moments, event, status);
     }
 
-    /// Who stays, and how much each is wanted.
+    /// Selects the Gaussians to keep, and weighs how much each should be multiplied.
     fn record_weights(&self, recorder: &mut Recorder, model: &Model, event: &Event) {
         let (n, seed, part) = (&self.by_number, self.seed, model.part(Segment::Base));
         for (k, dispatch, page) in model.pages(Segment::Base) {
@@ -539,7 +551,7 @@ impl Density {
         }
     }
 
-    /// What becomes of those that were copied or moved.
+    /// Changes the parameters of copied and moved Gaussians.
     fn record_changes(
         &self,
         recorder: &mut Recorder,
@@ -589,7 +601,7 @@ mod tests {
         DensityOptions { strategy, limit: 3000, first: 1000, iterations }
     }
 
-    /// Steps that refinements come after: how many, the first and the last.
+    /// Steps with a refinement after them: their number, the first and the last.
     fn events(options: DensityOptions) -> (usize, u32, u32) {
         let all: Vec<u32> = (0..options.iterations).filter(|&step| !options.events(step).is_empty()).collect();
         (all.len(), all[0], all[all.len() - 1])
@@ -602,15 +614,15 @@ mod tests {
         assert_eq!(events(of(Strategy::Budget, 30_000)), (249, 599, 25_399));
         assert_eq!(events(of(Strategy::Budget, 1000)), (33, 24, 824));
         assert!((0..30_000).all(|step| of(Strategy::Fixed, 30_000).events(step).is_empty()));
-        // MCMC moves what is dead, then grows by a twentieth.
+        // MCMC moves dead Gaussians, then grows by a twentieth.
         let [moved, grown] = of(Strategy::Mcmc, 30_000).events(499)[..] else { panic!("two") };
         assert_eq!([(moved.target, moved.nth), (grown.target, grown.nth)], [(0, 0), (0, 20)]);
         assert!(moved.most == 1.0 && moved.number != grown.number);
-        // ADC resets opacities with every 30th.
+        // ADC resets opacities at every 30th refinement.
         let resets = |step| of(Strategy::Adc, 30_000).events(step)[0].most;
         assert_eq!([2899, 2999, 3099, 5999].map(resets), [1.0, 0.01, 1.0, 0.01]);
         assert_eq!(of(Strategy::Adc, 30_000).events(499)[0].target, 3000);
-        // Half of the way through its time a budget has three quarters of what it adds: at 0.31 of the run.
+        // At 0.31 of the run, half of the growth phase, the budget has added three quarters.
         assert_eq!(of(Strategy::Budget, 1000).budget(309), 2500);
         assert_eq!(of(Strategy::Budget, 1000).events(324)[0].target, of(Strategy::Budget, 1000).budget(324));
         let share = |strategy, part| of(strategy, 1000).share(part);
@@ -647,8 +659,9 @@ mod tests {
         let (rates, weights) = at(Strategy::Mcmc, 1000, 0);
         near(rates, [3.2e-4, 5e-3, 1e-3, 0.05, 2.5e-3, 1.25e-4]);
         assert_eq!(weights, [0.01; 2]);
-        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435; positions twice that. All but positions fall to 0.6 of that, and those
-        // of rotations and opacities to a tenth of it in the end: by half of the time for that, at 0.925, to √0.1 0.6^0.925 = 0.197147.
+        // A run of 1,000 steps is 30 times shorter: 30^0.2 = 1.97435; positions have twice that. All rates
+        // but that of positions fall to 0.6 of it. Those of rotations and opacities also fall to a tenth:
+        // halfway through that fall, at 0.925, the factor is √0.1 0.6^0.925 = 0.197147.
         let (rates, weights) = at(Strategy::Budget, 1000, 0);
         near(rates, [1.263584e-3, 9.87175e-3, 1.97435e-3, 0.025, 4.935875e-3, 2.467938e-4]);
         assert_eq!(weights, [0.0; 2]);
@@ -658,7 +671,7 @@ mod tests {
         for (found, want) in [(rates[2], 1.97435e-3 * 0.197147), (rates[3], 0.025 * 0.197147)] {
             assert!((found / want - 1.0).abs() < 1e-5, "{found} and {want}");
         }
-        // So does the part of Newton's steps.
+        // Newton's fraction falls too.
         let newton = |step| of(Strategy::Budget, 1000).rates(Rates::default(), step).newton;
         for (step, want) in [(0, 0.02), (850, 0.02), (925, 0.02 * 0.1f32.sqrt()), (1000, 0.002)] {
             assert!((newton(step) / want - 1.0).abs() < 1e-5, "{step}: {}", newton(step));

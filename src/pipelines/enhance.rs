@@ -1,5 +1,5 @@
-//! The whole augmentation of a base scene: base losses → what training on gains → placement and plan → joint phase; or, as the paper has
-//! it, base losses → screen phase → inverse splatting, batch by batch → joint phase.
+//! Augments a base scene. Pursuit: base losses → gain of longer training → placement and plan → joint phase.
+//! The paper's method: base losses → screen phase → inverse splatting, batch by batch → joint phase.
 
 use std::{
     ops::Range,
@@ -43,33 +43,33 @@ pub enum Method {
     Augs,
 }
 
-/// How a base is augmented. [`EnhanceOptions::paper`] has the paper's numbers.
+/// Options of an augmentation. [`EnhanceOptions::paper`] has the paper's values.
 #[derive(Debug, Clone, Copy)]
 pub struct EnhanceOptions {
-    /// How supplementary Gaussians are found.
+    /// Method that finds the supplementary Gaussians.
     pub method: Method,
-    /// Of [`Method::Pursuit`].
+    /// Options of [`Method::Pursuit`].
     pub pursuit: PursuitOptions,
-    /// Gaussians for each Gaussian of the base that may be added, at most.
+    /// Maximum number of added Gaussians, as a multiple of the base's.
     pub ratio: f64,
-    /// Of [`Method::Pursuit`]: bytes that these may take in a file, at most.
+    /// [`Method::Pursuit`]: maximum size of the added Gaussians in a file, bytes.
     pub bytes: Option<u64>,
-    /// Of [`Method::Pursuit`]: against training on.
+    /// [`Method::Pursuit`]: whether placement is weighed against longer training.
     pub weigh: Weigh,
-    /// Of [`Method::Augs`]: rounds and steps of the screen phase.
+    /// [`Method::Augs`]: rounds and steps of the screen phase.
     pub schedule: Schedule,
-    /// Of [`Method::Augs`]: inverse splatting.
+    /// [`Method::Augs`]: options of inverse splatting.
     pub lift: LiftOptions,
-    /// The joint phase.
+    /// Options of the joint phase.
     pub join: JoinOptions,
-    /// ⚖ Transmittance at which a pixel has its depth: 0.5, the release 0.7.
+    /// ⚖ Transmittance that defines the depth of a pixel: 0.5; the authors' release has 0.7.
     pub median_threshold: f32,
-    /// Take the z of the median Gaussian's centre, not of its point of maximum response.
+    /// Use the z of the median Gaussian's centre, not of its point of maximum response.
     pub centre_depth: bool,
 }
 
 impl EnhanceOptions {
-    /// Residual pursuit, upon which everything learns.
+    /// Residual pursuit, followed by a joint phase that trains everything.
     pub fn pursuit() -> Self {
         EnhanceOptions {
             method: Method::Pursuit,
@@ -100,12 +100,12 @@ impl EnhanceOptions {
         }
     }
 
-    /// What may be added to `base`, and what it takes.
+    /// Limits of an augmentation of `base`, and the price of a Gaussian.
     pub fn allowance(&self, base: &Gaussians) -> Allowance {
         Allowance::new(base, self.lobe_degree(base), self.ratio, self.bytes)
     }
 
-    /// Degree of the harmonics of supplementary Gaussians; the paper's have the base's.
+    /// Degree of the harmonics of supplementary Gaussians; the paper's have the base's degree.
     pub fn lobe_degree(&self, base: &Gaussians) -> u32 {
         match self.method {
             Method::Pursuit => self.pursuit.lobe_degree.min(base.sh_degree),
@@ -113,44 +113,47 @@ impl EnhanceOptions {
         }
     }
 
-    /// The same stages with shorter rounds.
+    /// [`EnhanceOptions::paper`] with shorter rounds.
     pub fn quick() -> Self {
         EnhanceOptions { schedule: Schedule::QUICK, ..Self::paper() }
     }
 }
 
-/// What is about to be done, or was. `batch` counts from 0, `views` are indices of the training views.
+/// Progress of an augmentation: the stage about to run, or just finished. `batch` counts from 0; `views` are
+/// indices of the training views.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs, reason = "fields of the variants")]
 pub enum Event {
-    /// The base was rendered in every view; how many 2D Gaussians each may have is known.
+    /// The base was rendered in every view, and the budgets of 2D Gaussians are known.
     Base,
-    /// A batch of views is next. [`Enhancer::resume`] may now give what an earlier run lifted from it ([`kept_lifts`]).
+    /// A batch of views is next. To skip it, pass [`Enhancer::resume`] the lifts of an earlier run
+    /// ([`kept_lifts`]).
     Batch { batch: usize, batches: usize, views: Range<usize> },
     /// The views of the batch are being refined in image space.
     Screen { batch: usize, batches: usize, progress: screen::Progress },
-    /// The base learns on for a moment, to know what that gains.
+    /// The base is being trained for a short time, to measure the gain.
     Weigh { step: u32, steps: u32 },
-    /// It is known what a step takes: [`Enhancer::take_steps`] may now say how many the joint phase has.
+    /// The time of a step is known: [`Enhancer::take_steps`] may now set the length of the joint phase.
     Weighed,
-    /// Gaussians are being placed by pursuit.
+    /// Pursuit is placing Gaussians.
     Place(pursuit::Progress),
-    /// [`Enhancer::spending`] has the plan.
+    /// [`Enhancer::spending`] now returns the plan.
     Planned,
-    /// The batch was lifted; [`Enhancer::lifted`] has it until the next event.
+    /// The batch was lifted; [`Enhancer::lifted`] returns it until the next event.
     Lifted { views: Range<usize> },
-    /// Joint steps done, of how many. At 0 [`Enhancer::resume_join`] may give what an earlier run learned.
+    /// Finished steps of the joint phase, and their total. At 0, [`Enhancer::resume_join`] may restore a
+    /// checkpoint.
     Join { step: u32, steps: u32 },
 }
 
 /// Wall-clock time of each phase.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Times {
-    /// Rendering the base, and its losses.
+    /// Rendering the base and computing its losses.
     pub base: Duration,
-    /// What training on gains.
+    /// Measuring the gain of longer training.
     pub weigh: Duration,
-    /// Of [`Method::Pursuit`].
+    /// Placement, by [`Method::Pursuit`].
     pub place: Duration,
     /// The screen phase.
     pub screen: Duration,
@@ -160,50 +163,51 @@ pub struct Times {
     pub join: Duration,
 }
 
-/// What an augmentation made.
+/// Result of an augmentation.
 #[derive(Debug)]
 pub struct Enhanced {
-    /// Base and supplement as they learned together, and after the base what was added to it without lobes.
+    /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own.
     pub scene: Scene,
-    /// The base as it was, where what it became is worse without the supplement: what other viewers should show.
+    /// The original base, if the trained one is worse without the supplement: other viewers should show this
+    /// one.
     pub original: Option<Gaussians>,
-    /// Loss of the base render of each view, as it was.
+    /// Loss of the original base's render of each view.
     pub base_losses: Vec<f64>,
-    /// 2D Gaussians that each view was allowed.
+    /// Budget of 2D Gaussians of each view.
     pub budgets: Vec<u32>,
-    /// 2D Gaussians left after the screen phase, and those of them that were lifted.
+    /// 2D Gaussians left after the screen phase.
     pub refined: u32,
-    /// See `refined`.
+    /// Supplementary Gaussians in the final scene.
     pub lifted: u32,
-    /// Supplementary Gaussians that had become so transparent in every view that they were taken away.
+    /// Supplementary Gaussians that were removed because they had become transparent in every view.
     pub faded: u32,
-    /// Views whose lifts came from an earlier run.
+    /// Views with lifts from an earlier run.
     pub resumed: usize,
-    /// On the wall, by phase.
+    /// Wall-clock time of each phase.
     pub times: Times,
-    /// What [`Method::Pursuit`] placed, each time.
+    /// Result of each placement of [`Method::Pursuit`].
     pub placed: Vec<Placed>,
-    /// The plan that was obeyed; of [`Method::Pursuit`].
+    /// The plan that was followed, by [`Method::Pursuit`].
     pub spending: Option<Spending>,
-    /// That the joint phase has in all.
+    /// Total steps of the joint phase.
     pub steps: u32,
-    /// `None` where nothing was added.
+    /// `None` if nothing was added.
     pub join: Option<TrainReport>,
 }
 
-/// A copy of the base, and what trains it on.
+/// A copy of the base and its trainer, to measure the gain of longer training.
 struct Pilot {
     model: Model,
     trainer: Trainer,
 }
 
-/// What is next.
+/// The next stage.
 enum Next {
     Base,
     Weigh(Box<Pilot>),
-    /// By pursuit; with a trainer, the joint phase goes on afterwards.
+    /// Pursuit places Gaussians; with a trainer, the joint phase then resumes.
     Place(Option<Box<Trainer>>),
-    /// The joint phase begins.
+    /// Starts the joint phase.
     Begin,
     Batch(usize),
     Screen(usize),
@@ -211,22 +215,22 @@ enum Next {
     Done,
 }
 
-/// An augmentation on its way: call [`Enhancer::next`] until it has nothing more to tell.
+/// A running augmentation: call [`Enhancer::next`] until it returns `None`.
 pub struct Enhancer {
     session: Session,
     options: EnhanceOptions,
     model: Model,
-    /// Of the base alone, with depth.
+    /// Renders the base alone, with depth.
     renderer: Renderer,
     refiner: Option<Refiner>,
     pursuit: Option<Pursuit>,
     original: Gaussians,
-    /// What the base became is worse than the original.
+    /// The trained base is worse than the original.
     worse_alone: bool,
     lift: LiftPhase,
     next: Next,
     lifted: Option<Lifted>,
-    /// Of [`Method::Augs`]: what each batch was lifted to, for checkpoints.
+    /// [`Method::Augs`]: the lifts of each batch, for checkpoints.
     lifts: Vec<(Range<usize>, Vec<Lift>)>,
     base_losses: Vec<f64>,
     budgets: Vec<u32>,
@@ -237,16 +241,17 @@ pub struct Enhancer {
     allowance: Allowance,
     training_on: Option<TrainingOn>,
     spending: Option<Spending>,
-    /// Of the joint phase.
+    /// Steps of the joint phase.
     steps: u32,
     join: Option<TrainReport>,
 }
 
 impl Enhancer {
-    /// For `scene`, whose supplement must be `None`, and the photographs of `views`. Waits.
+    /// Augments `scene`, whose supplement must be `None`, from the photographs of `views`. Waits.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a scene that is empty or augmented already, or for no views; else what the device lacks.
+    /// [`Error::Usage`] if the scene is empty or already augmented, or there are no views; otherwise an error
+    /// of the device.
     pub fn new(session: &Session, scene: &Scene, views: &Views, options: &EnhanceOptions) -> Result<Self> {
         if scene.supplement.is_some() {
             return Err(Error::Usage("the scene is augmented already; give its base".into()));
@@ -270,7 +275,7 @@ impl Enhancer {
             Method::Pursuit => {
                 let [supplement, base] = allowance.most();
                 let supplement_degree = Some(options.lobe_degree(&scene.base));
-                // Supplementary Gaussians that fade stay there until the end.
+                // Faded supplementary Gaussians stay in the model until the end.
                 Room { base, supplement: supplement.saturating_mul(2), supplement_degree, ..Default::default() }
             }
             Method::Augs => Room::default(),
@@ -303,17 +308,17 @@ impl Enhancer {
         })
     }
 
-    /// The scene as it is by now, which what is on its way may still change.
+    /// The current scene; work in flight may still change it.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Of the base in each view, once [`Event::Base`] has told of it: 0.8 L1 + 0.2 (1 − SSIM).
+    /// Loss of the base in each view, 0.8 L1 + 0.2 (1 − SSIM); valid after [`Event::Base`].
     pub fn base_losses(&self) -> &[f64] {
         &self.base_losses
     }
 
-    /// Goes on until there is something to tell; `None` once all is done. `views` are those that it was made for.
+    /// Runs to the next event; `None` once all is done. `views` must be those passed to [`Enhancer::new`].
     pub fn next(&mut self, views: &Views) -> Result<Option<Event>> {
         self.lifted = None;
         loop {
@@ -339,7 +344,7 @@ impl Enhancer {
         }
     }
 
-    /// Pursuit: what the base lacks, and what is next.
+    /// Pursuit: computes the residuals of the base, and chooses the next stage.
     fn look(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
         self.base_losses = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
         let [lobes, plain] = self.allowance.most();
@@ -368,7 +373,7 @@ impl Enhancer {
             return Ok(Some(Event::Weigh { step, steps }));
         }
         let after = pursuit.measure(&mut self.renderer, &pilot.model, views)?;
-        // What it was is known once it has been looked at.
+        // The first placement measures the error before training and fills it in.
         let seconds = self.times.weigh.as_secs_f64();
         self.training_on = Some(TrainingOn { before: f64::NAN, after, steps, seconds });
         let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
@@ -413,7 +418,7 @@ impl Enhancer {
         Ok(self.join_on())
     }
 
-    /// The paper's method: how many 2D Gaussians each view may have.
+    /// The paper's method: computes the budget of 2D Gaussians of each view.
     fn share_out(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
         let renders = base_renders(&self.session, &mut self.renderer, &self.model, views)?;
         self.base_losses = renders.losses;
@@ -473,7 +478,7 @@ impl Enhancer {
         }
         let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
         if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
-            // What has faded goes in the end, so that others may take its place.
+            // Faded Gaussians are removed at the end, so more can be placed now.
             let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
             let plain = self.model.count_of(Segment::Base) - self.original.len() as u32;
             let lobes = self.model.count_of(Segment::Supplement);
@@ -490,13 +495,13 @@ impl Enhancer {
         Ok(None)
     }
 
-    /// There is nothing more to do.
+    /// Ends the augmentation.
     fn end(&mut self) -> Result<Option<Event>> {
         self.next = Next::Done;
         Ok(None)
     }
 
-    /// Instead of refining the batch that [`Event::Batch`] told of: what an earlier run lifted from it. Waits.
+    /// Skips the batch that [`Event::Batch`] announced, using the lifts of an earlier run. Waits.
     pub fn resume(&mut self, lifts: &[Lift]) -> Result<()> {
         let Next::Screen(batch) = self.next else {
             return Err(Error::Usage("lifts are taken up when a batch is about to begin".into()));
@@ -510,10 +515,12 @@ impl Enhancer {
         Ok(())
     }
 
-    /// When the joint phase is about to begin: goes on from where [`Enhancer::checkpoint`] left off, if that was in this phase. Waits.
+    /// Resumes the joint phase from an [`Enhancer::checkpoint`] taken in this phase. Call it just before the
+    /// phase starts. Waits.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the checkpoint is of another scene or schedule, upon which the phase can still begin anew.
+    /// [`Error::Usage`] if the checkpoint is of another scene or schedule; the phase can then still start
+    /// from the beginning.
     pub fn resume_join(&mut self, checkpoint: &Checkpoint) -> Result<()> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
         if checkpoint.step == 0 {
@@ -534,13 +541,14 @@ impl Enhancer {
         Ok(())
     }
 
-    /// Means of the joint phase as [`Trainer::lately`] has them, over the last pass before step `step`.
+    /// Means of the joint phase over the last pass before step `step`, see [`Trainer::lately`].
     pub fn lately(&self, step: u32, views: &Views) -> Option<[f64; 2]> {
         let Next::Join(trainer) = &self.next else { return None };
         trainer.lately(step, views.cameras.len())
     }
 
-    /// What there is to go on from: the lifts of whole batches, and what the joint phase has learned so far. Waits; it can go on.
+    /// Checkpoint of the lifts of finished batches and of the joint phase. Waits; the augmentation can
+    /// continue.
     pub fn checkpoint(&mut self, views: &Views) -> Result<Checkpoint> {
         let mut checkpoint = match &mut self.next {
             Next::Join(trainer) => trainer.checkpoint(&self.model, views)?,
@@ -558,14 +566,14 @@ impl Enhancer {
         Ok(checkpoint)
     }
 
-    /// Ends the joint phase that [`Event::Join`] told of before its last step: what it has learned is in the scene. Waits.
+    /// Ends the joint phase early; the scene holds the result so far. Waits.
     pub fn stop(&mut self, views: &Views) -> Result<()> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
         self.join = Some(trainer.stop()?);
         self.finish_join(views)
     }
 
-    /// Whether the base that learned is still as good by itself.
+    /// Checks whether the trained base alone is still as good as the original.
     fn finish_join(&mut self, views: &Views) -> Result<()> {
         self.next = Next::Done;
         let now = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
@@ -575,18 +583,18 @@ impl Enhancer {
         Ok(())
     }
 
-    /// When the joint phase has not begun: how many steps it has.
+    /// Sets the length of the joint phase, before it starts.
     pub fn take_steps(&mut self, steps: u32) {
         self.steps = steps.max(1);
     }
 
-    /// What is spent on which, once [`Event::Planned`] has told of it.
+    /// The plan of the placement, after [`Event::Planned`].
     pub fn spending(&self) -> Option<&Spending> {
         self.spending.as_ref()
     }
 
-    /// The joint phase becomes one of another number of steps, of which the same part is done: `plan` gives both of the step that it is
-    /// at. Waits.
+    /// Changes the length of a running joint phase. `plan` takes the number of finished steps, and returns
+    /// the new total and the step to continue at. Waits.
     pub fn replan(&mut self, views: &Views, plan: impl FnOnce(u32) -> [u32; 2]) -> Result<()> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
         let [steps, done] = plan(trainer.halt()?);
@@ -599,17 +607,17 @@ impl Enhancer {
         Ok(())
     }
 
-    /// The batch that [`Event::Lifted`] told of: its 2D Gaussians, still on the device, and what they were lifted to.
+    /// The batch that [`Event::Lifted`] announced: its 2D Gaussians, still on the device, and their lifts.
     pub fn lifted(&self) -> Option<(&Refiner, &Lifted)> {
         self.refiner.as_ref().zip(self.lifted.as_ref())
     }
 
-    /// What pursuit has placed so far, each time.
+    /// Results of the placements so far.
     pub fn placed(&self) -> &[Placed] {
         &self.placed
     }
 
-    /// The scene, once there is nothing more to tell; `views` are those that it was made for. Waits.
+    /// The final scene, after the last event; `views` must be those passed to [`Enhancer::new`]. Waits.
     pub fn finish(self, views: &Views) -> Result<Enhanced> {
         let mut scene = self.model.download()?;
         let lifted = self.model.count_of(Segment::Supplement);
@@ -617,7 +625,7 @@ impl Enhancer {
             let plain = (scene.base.len() - self.original.len()) as u32;
             let room = self.allowance.lobes_beside(plain) as usize;
             let opacities = greatest_opacities(supplement, views, scene.origin);
-            // Some may have come back that others had taken the place of.
+            // More may be left than allowed, if faded Gaussians that were already replaced have recovered.
             let mut order: Vec<usize> = (0..opacities.len()).collect();
             order.sort_by(|&a, &b| opacities[b].total_cmp(&opacities[a]));
             let mut keep = vec![false; opacities.len()];
@@ -643,17 +651,18 @@ impl Enhancer {
         })
     }
 
-    /// How many batches there are, and the views of one.
+    /// The number of batches, and the views of one.
     fn batch(&self, batch: usize) -> Option<(usize, Range<usize>)> {
         let batches = self.refiner.as_ref()?.batches();
         Some((batches.len(), batches.get(batch)?.clone()))
     }
 
-    /// A copy of the base that learns on for some passes over the photographs, all rates falling as they do in the joint phase.
+    /// A trainer on a copy of the base, for some passes over the photographs; rates fall as in the joint
+    /// phase.
     fn pilot(&self, views: &Views) -> Result<Pilot> {
         let base = Scene { base: self.original.clone(), supplement: None, origin: self.model.scene_origin };
         let model = Model::upload_around(&self.session.context, views.origin, &base, Room::default())?;
-        // So few steps are no time for moments to settle in, where they are Adam's.
+        // Without bias correction, Adam's moments would not settle in such a short run.
         let options = JoinOptions { bias_correction: true, steps_per_view: TRIAL_PASSES, ..self.options.join };
         let steps = TRIAL_PASSES * views.cameras.len() as u32;
         let mut trainer = join_for(&self.session, &model, views, &options, steps)?;
@@ -661,7 +670,7 @@ impl Enhancer {
         Ok(Pilot { model, trainer })
     }
 
-    /// The joint phase, where it is what is next, goes on to the next placement.
+    /// Lets the joint phase run to the next placement, if it is the next stage.
     fn join_on(&mut self) -> Option<Event> {
         let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
         let Next::Join(trainer) = &mut self.next else { return None };
@@ -683,15 +692,15 @@ impl Enhancer {
     }
 }
 
-/// The greatest opacity that each Gaussian, whose mean counts from `origin`, has in any of `views`, lobe included.
+/// The maximum opacity of each Gaussian over all `views`, lobe included. Means are relative to `origin`.
 fn greatest_opacities(supplement: &Supplement, views: &Views, origin: DVec3) -> Vec<f64> {
     let eyes: Vec<DVec3> = views.cameras.iter().map(|camera| camera.eye() + (views.origin - origin)).collect();
     let opacity = |i| supplement.greatest_opacity(i, &eyes);
-    // NaN is as good as none.
+    // NaN counts as transparent.
     (0..supplement.gaussians.len()).into_par_iter().map(|i| opacity(i).max(0.0)).collect()
 }
 
-/// Supplementary Gaussians whose opacity is below `least` in all of `views`. Waits.
+/// Number of supplementary Gaussians with an opacity below `least` in all of `views`. Waits.
 fn faded(model: &Model, views: &Views, least: f32) -> Result<u32> {
     let Some(supplement) = model.supplement()? else { return Ok(0) };
     Ok(greatest_opacities(&supplement, views, model.scene_origin)
@@ -700,20 +709,21 @@ fn faded(model: &Model, views: &Views, least: f32) -> Result<u32> {
         .count() as u32)
 }
 
-/// Passes over the photographs of the trial that tells what training on gains. One says little of a base that has settled, as its first
-/// steps, at rates that it ended far below, disturb it.
+/// Passes over the photographs in the trial that measures the gain of longer training. One pass says little
+/// about a settled base: it ended at far lower rates, and the first steps disturb it.
 pub const TRIAL_PASSES: u32 = 3;
 
 /// Name of the number of placements in a checkpoint.
 const PLACEMENTS: &str = "placements";
 
-/// The joint step after which there is another placement once `done` of `placements` are: all lie in the first half.
+/// The joint step to stop at for the next placement, `done` of `placements` being done. All lie in the first
+/// half.
 fn pause(steps: u32, done: u32, placements: u32) -> u32 {
     if done < placements { (f64::from(steps) * 0.5 * f64::from(done) / f64::from(placements)) as u32 } else { steps }
 }
 
-/// What a batch of these views had been lifted to when [`Enhancer::checkpoint`] made this; `None` where it was not yet, or where a device
-/// with other batches made it.
+/// Lifts of a batch with these views in a checkpoint. `None` if the batch was not finished, or was split
+/// differently on another device.
 pub fn kept_lifts<'a>(checkpoint: &'a Checkpoint, views: &Range<usize>) -> Option<&'a [Lift]> {
     bytemuck::try_cast_slice(checkpoint.words(&batch_name(views))?).ok()
 }

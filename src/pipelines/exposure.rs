@@ -1,6 +1,6 @@
-//! Exposure correction (method, section 2): an affine map of colours for each training photograph, learned beside the scene, that the
-//! blended image goes through before it is compared with the photograph. Their mean stays the identity, so that the scene takes on
-//! no cast that all photographs could share with it. Nothing but training knows of it.
+//! Exposure correction (method, section 2): learns an affine map of colours for each training photograph. The
+//! blended image goes through it before the comparison with the photograph. The mean of the maps stays the
+//! identity, so that the scene takes on no cast common to all photographs. Only training uses the maps.
 
 use super::{checkpoint::Checkpoint, raster::RasterBuffers, views::Views};
 use crate::{
@@ -15,27 +15,27 @@ use crate::{
     },
 };
 
-/// Rate of a map's entries per step of its photograph, at the run's first and last step; between them it falls in equal ratios. A third of
-/// 3DGS's (`exposure_lr_init` and `exposure_lr_final` of its `arguments/__init__.py`): the faster maps learn, the more they take of what
-/// changes with the direction of view, which is the scene's.
+/// Learning rate of a map's entries per step of its photograph, at the first and last step of the run;
+/// log-linear in between. A third of 3DGS's (`exposure_lr_init` and `exposure_lr_final` of its
+/// `arguments/__init__.py`): faster maps absorb view-dependent colour, which belongs to the scene.
 pub const RATES: [f64; 2] = [0.003, 0.0003];
 
-/// The map that changes nothing: rows of (M | b).
+/// The identity map, rows of (M | b).
 pub const IDENTITY: [f32; MAP as usize] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
 /// Names in a checkpoint.
 const KEPT: [&str; 2] = ["exposure.maps", "exposure.moments"];
 
-/// The maps of all photographs, what they are learned with, and the image that they make.
+/// The maps of all photographs, their learning state, and the corrected image.
 pub struct Exposure {
     photos: u32,
-    /// 12 for each photograph, rows of (M | b).
+    /// 12 entries per photograph, rows of (M | b).
     maps: Buffer<f32>,
     /// See `glsl/shared/exposure.glsl`.
     moments: Buffer<f32>,
     /// Gradients of a map over parts of an image.
     sums: Buffer<f32>,
-    /// The blended image of the view at hand, as its photograph has it.
+    /// The blended image of the current view after its photograph's map.
     pub corrected: Buffer<[f32; 4]>,
     apply: exposure_apply::Stage,
     backward: exposure_backward::Stage,
@@ -43,12 +43,12 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// For the photographs of `views`, whose maps begin as the identity. A photograph has one map, whatever its size.
+    /// For the photographs of `views`, with identity maps. A photograph has one map for all its sizes.
     pub fn new(context: &Context, views: &Views) -> Result<Self> {
         let info = context.info();
         let (photos, pixels) = (views.photos as usize, views.max_pixels());
         let runs = pixels.div_ceil(SUM_PIXELS) as usize;
-        // A subgroup works for itself, and an image has few.
+        // Each subgroup works alone, and an image has few of them.
         let (alone, together) = (info.subgroup_size, SUM_WORKGROUP.min(info.max_workgroup));
         Ok(Exposure {
             photos: photos as u32,
@@ -65,7 +65,7 @@ impl Exposure {
         })
     }
 
-    /// Makes [`Exposure::corrected`] of the blended image of view `view`.
+    /// Writes [`Exposure::corrected`] from the blended image of view `view`.
     pub(super) fn record_apply(&self, recorder: &mut Recorder, views: &Views, view: u32, raster: &RasterBuffers) {
         self.apply.record(
             recorder,
@@ -80,7 +80,8 @@ impl Exposure {
         );
     }
 
-    /// Makes of the gradient by the corrected image that by the blended one, in its place, and the gradient of the view's map.
+    /// Turns the gradient by the corrected image into that by the blended one, in place, and computes the
+    /// gradient of the view's map.
     pub(super) fn record_backward(&self, recorder: &mut Recorder, views: &Views, view: u32, raster: &RasterBuffers) {
         self.backward.record(
             recorder,
@@ -96,7 +97,8 @@ impl Exposure {
         );
     }
 
-    /// The step of the view's map, a part `part` of the run (0 to 1) being done, and what follows for all of them.
+    /// Steps the view's map at the fraction `part` (0 to 1) of the run, then resets the mean of all maps to the
+    /// identity.
     pub(super) fn record_step(
         &self,
         recorder: &mut Recorder,
@@ -123,7 +125,7 @@ impl Exposure {
         Ok(self.maps.download()?.as_chunks().0.to_vec())
     }
 
-    /// Adds all that the steps to come need. Waits.
+    /// Adds everything that the remaining steps need to the checkpoint. Waits.
     pub(super) fn keep(&self, checkpoint: &mut Checkpoint) -> Result<()> {
         for (name, buffer, numbers) in self.kept() {
             checkpoint.put(name.into(), [self.photos as usize, numbers as usize], buffer.download()?);
@@ -131,16 +133,16 @@ impl Exposure {
         Ok(())
     }
 
-    /// What [`Exposure::keep`] added, to be written by [`Exposure::restore`].
+    /// Finds the data that [`Exposure::keep`] added, for [`Exposure::restore`].
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) where it is not there, or of another number of photographs.
+    /// [`Error::Usage`](crate::Error::Usage) if it is missing, or has another number of photographs.
     pub(super) fn find<'a>(&self, checkpoint: &'a Checkpoint) -> Result<[&'a [f32]; 2]> {
         let [maps, moments] = self.kept().map(|(name, buffer, _)| checkpoint.floats(name, buffer.len()));
         Ok([maps?, moments?])
     }
 
-    /// Waits.
+    /// Uploads the data that [`Exposure::find`] returned. Waits.
     pub(super) fn restore(&self, found: [&[f32]; 2]) -> Result<()> {
         for ((_, buffer, _), values) in self.kept().into_iter().zip(found) {
             buffer.upload(0, values)?;
@@ -158,12 +160,12 @@ fn pixels(frame: &Frame) -> u32 {
     frame.width * frame.height
 }
 
-/// Of [`SUM_PIXELS`] pixels.
+/// Number of runs of [`SUM_PIXELS`] pixels in a frame.
 fn runs(frame: &Frame) -> u32 {
     pixels(frame).div_ceil(SUM_PIXELS)
 }
 
-/// See [`RATES`].
+/// Learning rate at the fraction `part` of the run, see [`RATES`].
 pub fn rate(part: f64) -> f32 {
     let [first, last] = RATES.map(f64::ln);
     (first * (1.0 - part) + last * part).exp() as f32

@@ -1,25 +1,29 @@
-//! Frames of a renderer that owns the device, the queue and the loop: scenes in its images, beside its meshes.
+//! Renders scenes into the images of a renderer that owns the device, the queue and the loop, together with
+//! its meshes.
 //!
-//! [`Frames::record`] only writes commands. It allocates nothing, submits nothing and waits for nothing, from the first frame on;
-//! cameras, sizes and instances may differ in every frame. (Of models whose pages were asked to be small, and beyond 65,536 buffers, a
-//! slot's lists grow when they first see so many.) What a caller owes:
+//! [`Frames::record`] only writes commands: from the first frame on it does not allocate, submit or wait.
+//! Cameras, sizes and instances may differ in every frame. (One exception: if a model was made with small
+//! pages, or a frame uses more than 65,536 buffers, a slot's lists grow when they first see that number.) The
+//! caller's duties:
 //!
-//! - **Slots.** To record slot k says that what was recorded in slot k before has run. Slots are all that frames in flight need: the
-//!   working buffers are shared, and frames follow each other on one queue.
-//! - **Images and buffers of the caller's** are only copied from and to. Before the commands they are available to
-//!   [`SYNC_READ`] or [`SYNC_WRITTEN`], in the layout that their [`ImageRegion`](crate::gpu::ImageRegion) says; after them they are in the same layout, and
-//!   whoever reads what was written waits for [`SYNC_WRITTEN`].
-//! - **State of the command buffer.** The compute pipeline that is bound, descriptor set 0 of compute and the push constants are others
-//!   afterwards; whoever dispatches binds anew. All else stays.
-//! - **Lifetimes.** Slots keep the buffers that their frames use, of models too, until they are recorded again: a
-//!   [`Model`](super::model::Model) may be dropped while frames that show it are on their way. [`Frames`] may not, nor a slot's memory: only
-//!   when the commands of all slots have run. What [`Frames::record_into`] records with a recorder of the caller's is kept by that one's
-//!   [`Kept`].
-//! - **Everything of glint's** is glint's affair, from one frame to the next and from [`Upload::record`](super::model::Upload::record) on.
+//! - **Slots.** Recording slot k asserts that the commands last recorded in slot k have run. A slot is all
+//!   that a frame in flight needs: working buffers are shared, and frames follow each other on one queue.
+//! - **The caller's images and buffers** are only copied from and to. Before the commands, the caller makes
+//!   them available to [`SYNC_READ`] or [`SYNC_WRITTEN`], in the layout that their
+//!   [`ImageRegion`](crate::gpu::ImageRegion) names. Afterwards they are in the same layout, and the caller's
+//!   readers wait for [`SYNC_WRITTEN`].
+//! - **State of the command buffer.** Recording changes the bound compute pipeline, descriptor set 0 of
+//!   compute and the push constants, so bind again before other dispatches. All other state stays.
+//! - **Lifetimes.** A slot keeps the buffers that its frame uses, also those of models, until it is recorded
+//!   again. So a [`Model`](super::model::Model) may be dropped while frames that show it are in flight.
+//!   [`Frames`] and a slot's memory may be dropped only after the commands of all slots have run.
+//!   [`Frames::record_into`] leaves the buffers to the [`Kept`] of the caller's recorder.
+//! - **glint's own resources** are synchronised by glint, from one frame to the next and from
+//!   [`Upload::record`](super::model::Upload::record) on.
 //!
-//! Gaussians count as points at their centre where a mesh hides them, and in the order in which they are blended. Where intersections
-//! find no room, the nearest Gaussians of a view are drawn right and those farther are missing; [`Report::needed`] says how much room it
-//! would have taken, and [`Frames::reserve`] makes it.
+//! For occlusion by meshes and for the blending order, a Gaussian counts as a point at its centre. If the
+//! intersections do not fit, the nearest Gaussians of a view are drawn correctly and farther ones are
+//! missing. [`Report::needed`] then returns the required number, and [`Frames::reserve`] makes room for it.
 
 mod check;
 mod limits;
@@ -52,29 +56,30 @@ pub use view::{Blend, DepthForm, Frame, FrameView, Instance, Light, Target, Texe
 use limits::FrameBuffers;
 use view::instance_view;
 
-/// Where glint reads a caller's image or buffer.
+/// Stage and access of glint's reads of a caller's image or buffer.
 pub const SYNC_READ: (vk::PipelineStageFlags, vk::AccessFlags) =
     (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_READ);
 
-/// Where glint writes a caller's image or buffer; of [`Blend::Over`] it is read there too, as by [`SYNC_READ`].
+/// Stage and access of glint's writes to a caller's image or buffer. [`Blend::Over`] also reads it, as by
+/// [`SYNC_READ`].
 pub const SYNC_WRITTEN: (vk::PipelineStageFlags, vk::AccessFlags) =
     (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE);
 
-/// How a frame went.
+/// Result of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Report {
-    /// Intersections of the view that has most, where there was no room for them.
+    /// If intersections did not fit: the number that the most demanding view needs.
     pub needed: Option<u32>,
-    /// Gaussians that the last view saw, and their intersections with its tiles.
+    /// Visible Gaussians of the last view; `intersections` counts their pairs with its tiles.
     pub visible: u32,
-    /// Of those that found room.
+    /// Intersections that fitted.
     pub intersections: u32,
 }
 
 /// Words of a slot's report: the status, then the raster's counts.
 const COUNTS: usize = 4;
 
-/// Buffers of a frame that nothing lists: the report, and one for bindings that nobody uses.
+/// Buffers of a frame outside all lists: the report, and one for unused bindings.
 const OTHERS: usize = 2;
 
 struct Slot {
@@ -82,14 +87,14 @@ struct Slot {
     report: Buffer<u32>,
 }
 
-/// Pipelines, working buffers and slots. Make one for each queue that draws; pipelines are shared with all else of the context. Drop it
-/// only when what was recorded in its slots has run.
+/// Pipelines, working buffers and slots. Make one for each queue that draws; all users of a context share its
+/// pipelines. Drop it only after the commands recorded in its slots have run.
 pub struct Frames {
     context: Context,
     limits: Limits,
     raster: Raster,
     stages: ModelStages,
-    /// Without and with sRGB's curves.
+    /// Without and with sRGB conversion.
     resolve: [resolve::Stage; 2],
     buffers: FrameBuffers,
     slots: Vec<Slot>,
@@ -101,7 +106,7 @@ fn resolve_stage(context: &Context, curves: bool) -> Result<resolve::Stage, GpuE
 
 impl Frames {
     /// # Errors
-    /// [`Error::Usage`] for limits of 0 and such that cannot be counted, else what the device lacks.
+    /// [`Error::Usage`] if a limit is 0 or too large to count; otherwise an error of the device.
     pub fn new(context: &Context, limits: Limits) -> Result<Self> {
         limits.check()?;
         let needs = Needs {
@@ -131,29 +136,29 @@ impl Frames {
         })
     }
 
-    /// What they were made for.
+    /// The limits it was made with.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// Intersections that fit.
+    /// Number of intersections that fit.
     pub fn capacity(&self) -> u32 {
         self.raster.capacity()
     }
 
-    /// The working buffers that all slots share, as [`Limits::plan`] lists them, and then the report of each slot, which the host reads:
-    /// the words of [`Status`], visible splats and intersections among the raster's counts behind them. Of intersections they are others
-    /// after [`Frames::reserve`].
+    /// The working buffers that all slots share, as [`Limits::plan`] lists them, then each slot's report in
+    /// host memory. A report has the words of [`Status`], then the raster's counts: visible splats and
+    /// intersections among them. [`Frames::reserve`] replaces the buffers of intersections.
     pub fn held(&self) -> Vec<Held> {
         let reports = self.slots.iter().map(|slot| Held::of("report", &slot.report)).collect();
         [self.raster.held(), self.buffers.held(), reports].concat()
     }
 
-    /// Room for at least so many intersections, and for up to a quarter more where that fits. Frames in flight keep the buffers that
-    /// they were recorded with until their slot is recorded again.
+    /// Makes room for at least `intersections`, and up to a quarter more if that fits. Frames in flight keep
+    /// their buffers until their slot is recorded again.
     ///
     /// # Errors
-    /// Where the device's memory does not suffice; what there was is kept then.
+    /// If the device's memory does not suffice; the old room then stays.
     pub fn reserve(&mut self, intersections: u32) -> Result<()> {
         match intersections > self.capacity() {
             true => Ok(self.raster.grow(intersections)?),
@@ -164,11 +169,13 @@ impl Frames {
     /// Records a frame into the caller's command buffer.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the frame is beyond the limits or makes no sense, or a handle is null; nothing is recorded then.
+    /// [`Error::Usage`] if the frame exceeds the limits or is invalid, or a handle is null; then nothing is
+    /// recorded.
     ///
     /// # Safety
-    /// `commands` is recording, on the context's queue family, and outside a render pass; images and buffers of the views are live, of
-    /// the size and in the layout that is said, and synchronised as the module says. What slot `frame.slot` had recorded before has run.
+    /// `commands` is recording, on the context's queue family, and outside a render pass. Images and buffers
+    /// of the views are live, have the stated size and layout, and are synchronised as the module requires.
+    /// The commands last recorded in slot `frame.slot` have run.
     pub unsafe fn record(&mut self, commands: vk::CommandBuffer, frame: &Frame<'_>) -> Result<()> {
         self.check(frame)?;
         if commands == vk::CommandBuffer::null() {
@@ -187,19 +194,19 @@ impl Frames {
         Ok(())
     }
 
-    /// What [`Frames::record`] records, into a recorder of glint's own or of the caller's, without a report and in no slot.
+    /// Records the frame of [`Frames::record`] into any recorder, without a slot and without a report.
     ///
     /// # Errors
-    /// As there, and where the recorder is of another context.
+    /// Those of [`Frames::record`], and [`Error::Usage`] if the recorder is of another context.
     ///
     /// # Safety
-    /// As there.
+    /// The contract of [`Frames::record`].
     pub unsafe fn record_into(&self, recorder: &mut Recorder, frame: &Frame<'_>) -> Result<()> {
         self.check(frame)?;
         if !recorder.context().is_same(&self.context) {
             return Err(Error::Usage("a recorder of another context than the frames'".into()));
         }
-        // The frame before may still read and write the buffers that all share.
+        // The previous frame may still use the shared buffers.
         recorder.barrier();
         recorder.fill(&self.buffers.status, 0);
         let total: u32 = frame.instances.iter().map(|i| i.model.capacity()).sum();
@@ -212,10 +219,10 @@ impl Frames {
         Ok(())
     }
 
-    /// How the frame that was recorded in `slot` last went. Not before its commands have run.
+    /// Result of the frame last recorded in `slot`. Call it only after its commands have run.
     ///
     /// # Errors
-    /// [`Error::Usage`] where there is no such slot, or nothing was recorded in it.
+    /// [`Error::Usage`] if there is no such slot, or nothing was recorded in it.
     pub fn report(&self, slot: u32) -> Result<Report> {
         let found = self.slots.get(slot as usize).filter(|slot| !slot.kept.is_empty());
         let Some(slot) = found else { return Err(Error::Usage(format!("nothing was recorded in slot {slot}"))) };
@@ -229,24 +236,25 @@ impl Frames {
         })
     }
 
-    /// What each stage of the frame that was recorded in `slot` last took, in order; nothing where [`Limits::timings`] are off or the
-    /// device has no timestamps.
+    /// Time of each stage of the frame last recorded in `slot`, in order. Empty if [`Limits::timings`] is off
+    /// or the device has no timestamps.
     ///
     /// # Errors
-    /// As for [`Frames::report`], where its commands have not run, and where the device is lost.
+    /// Those of [`Frames::report`], and an error if its commands have not run or the device is lost.
     pub fn times(&self, slot: u32) -> Result<Vec<StageTime>> {
         self.report(slot)?;
         Ok(self.slots[slot as usize].kept.times()?)
     }
 
     /// # Safety
-    /// As for [`Frames::record`], of a view that was checked.
+    /// The contract of [`Frames::record`], for a checked view.
     unsafe fn record_view(&self, recorder: &mut Recorder, instances: &[Instance<'_>], v: u32, view: &FrameView) {
         let (camera, raster, b) = (&view.camera, &self.raster, &self.buffers);
         let (size, pixels) = ([camera.width, camera.height], camera.pixels());
         let frame = types::Frame { image_first: 0, target_first: 0, width: size[0], height: size[1] };
         recorder.update(&b.frames, v as usize, &[frame]);
-        // A model may have room for more than it shows, and what it does not show was left by others.
+        // A model may have room for more Gaussians than it shows; entries beyond are left from other
+        // instances.
         // guard: what other instances left (3 lines)
         if let Some(depth_keys) = raster.depth_keys() {
             recorder.fill(depth_keys, NONE);
@@ -276,7 +284,7 @@ impl Frames {
                 None => recorder.fill(scene_depths, view.depth_form.empty().to_bits()),
             }
         }
-        // Where Gaussians are exposed, what lies behind comes after.
+        // With an exposure, the background is blended later.
         let background = match view.color {
             Some(Target { blend: Blend::Opaque(colour), exposure: 1.0, .. }) => colour,
             _ => [0.0; 3],
@@ -284,7 +292,7 @@ impl Frames {
         raster.record_blend_occluded(recorder, &grid, &b.frames, background, MEDIAN_THRESHOLD, depth_form);
         if view.depth_out.is_some() {
             splat_first = 0;
-            // Pixels without a Gaussian are the first instance's; without any there is none to write them.
+            // The first instance also writes the pixels without a Gaussian; without instances, nobody does.
             recorder.fill(&b.depths, 0);
             for (i, instance) in instances.iter().enumerate() {
                 self.stages.record_depths(recorder, raster, &b.depths, &place(i, splat_first), pixels);
@@ -310,10 +318,10 @@ impl Frames {
     }
 
     /// # Safety
-    /// As for [`Frames::record_view`].
+    /// The contract of [`Frames::record_view`].
     unsafe fn record_resolve(&self, recorder: &mut Recorder, view: &FrameView) {
         let b = &self.buffers;
-        // Where only depths are wanted, the texels of nobody's target are written.
+        // If only depths are wanted, a dummy target fills in the push constants; nothing is copied to it.
         let nobodys = BufferRange { buffer: vk::Buffer::null(), offset: 0 };
         let target = view.color.unwrap_or(Target::new(Pixels::Buffer(nobodys), Texel::Rgba8));
         if target.blend == Blend::Over {

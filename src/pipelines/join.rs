@@ -1,4 +1,5 @@
-//! The joint phase (method, section 5): the supplementary Gaussians learn everything, the base only its opacities.
+//! The joint phase (method, section 5): the supplementary Gaussians learn all parameters, the base only its
+//! opacities.
 
 use super::{
     learn::{Lesson, Rates},
@@ -9,29 +10,30 @@ use super::{
 };
 use crate::error::Result;
 
-/// How the joint phase learns.
+/// Options of the joint phase.
 #[derive(Debug, Clone, Copy)]
 pub struct JoinOptions {
-    /// Steps for each view; the method has 30.
+    /// Steps per view; the method has 30.
     pub steps_per_view: u32,
-    /// Adam's bias correction of the standard parameters and the base's opacities. The authors' release has none; lobes
-    /// always have it.
+    /// Adam's bias correction for the standard parameters and the base's opacities. The authors' release has
+    /// none; lobes always have it.
     pub bias_correction: bool,
     /// The base learns everything too, not only its opacities.
     pub everything: bool,
-    /// Rates at first, as a multiple of the method's.
+    /// Initial rates, as a multiple of the method's.
     pub pace: f32,
-    /// What share of them is left at the end.
+    /// Final rates, as a fraction of the initial ones.
     pub decay: f32,
-    /// What part of the way to the minimum Newton's steps go at first, see [`Rates::newton`]; 0 for Adam's steps. Where not everything
-    /// learns, steps are Adam's whatever it is.
+    /// Initial fraction of the way to the minimum that a Newton step goes, see [`Rates::newton`]; 0 for
+    /// Adam's steps. Without `everything`, steps are always Adam's.
     pub newton: f32,
-    /// Rates of lobes' directions, widths and sharpnesses, as multiples of what they are else: 0 keeps what placement gave.
+    /// Multipliers on the rates of lobes' directions, widths and sharpnesses; 0 keeps the values from
+    /// placement.
     pub lobe_rates: [f32; 3],
 }
 
 impl Default for JoinOptions {
-    /// The paper's.
+    /// The paper's options.
     fn default() -> Self {
         JoinOptions {
             steps_per_view: 30,
@@ -46,7 +48,7 @@ impl Default for JoinOptions {
 }
 
 impl JoinOptions {
-    /// At a share `done` of the run; `extent` is the session's.
+    /// Rates at the fraction `done` of the run; `extent` is the session's.
     pub fn rates(&self, extent: f32, done: f32) -> Rates {
         let [direction, width, sharpness] = self.lobe_rates;
         let rates = Rates {
@@ -65,7 +67,7 @@ impl JoinOptions {
         Rates { newton: self.newton * left, ..rates.times(self.pace * left) }
     }
 
-    /// What base and supplement learn.
+    /// Lessons of base and supplement.
     pub fn lessons(&self, session: &Session) -> [Lesson; 2] {
         let bias_correction = self.bias_correction;
         let Policy { compensate, packed, .. } = session.policy;
@@ -98,13 +100,13 @@ pub fn join(session: &Session, model: &Model, views: &Views, options: &JoinOptio
     join_for(session, model, views, options, options.steps_per_view * views.cameras.len() as u32)
 }
 
-/// The same of `steps` steps in all.
+/// [`join`] with a total of `steps` steps.
 pub fn join_for(session: &Session, model: &Model, views: &Views, options: &JoinOptions, steps: u32) -> Result<Trainer> {
     let (schedule, plan) = course(session, model, views, options, steps);
     Trainer::new(session, model, views, &options.lessons(session), schedule, 1, plan)
 }
 
-/// The views of a joint phase of `steps` steps, and what each step does.
+/// The schedule of views for a joint phase of `steps` steps, and the plan of each step.
 pub(super) fn course(
     session: &Session,
     model: &Model,

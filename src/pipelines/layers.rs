@@ -1,4 +1,4 @@
-//! Renders parts of a scene from one camera after another, without a second copy of the scene on the device.
+//! Renders layers of a scene from one camera after another, without a second copy of the scene on the device.
 
 use super::{
     model::{Model, Room, Segment},
@@ -19,11 +19,11 @@ pub enum Layer {
     /// The base Gaussians as they are stored. The joint phase changes their opacities, so this is not the scene that was
     /// augmented.
     Base,
-    /// The base Gaussians with their constant SH band only: the same from everywhere.
+    /// The base Gaussians with their constant SH band only, so that colours do not depend on the view.
     Constant,
 }
 
-/// A scene on the device with what renders it. Cameras go to the device one at a time.
+/// A scene on the device with its renderer. Cameras are uploaded one at a time.
 pub struct Layers {
     context: Context,
     model: Model,
@@ -31,14 +31,14 @@ pub struct Layers {
 }
 
 impl Layers {
-    /// For cameras of the sizes of `cameras`.
+    /// Prepares for cameras with the sizes of `cameras`.
     pub fn new<'a>(
         context: &Context,
         scene: &Scene,
         cameras: impl IntoIterator<Item = &'a Camera>,
         options: RenderOptions,
     ) -> Result<Self> {
-        // The renderer only asks for sizes.
+        // The renderer only reads sizes from these.
         let mut sizes: Vec<Camera> = cameras.into_iter().copied().collect();
         let origin = origin_for(&sizes);
         sizes.sort_by_key(|c| (c.width, c.height));
@@ -46,7 +46,7 @@ impl Layers {
         let model = Model::upload_around(context, origin, scene, Room::default())?;
         let views = Views::upload_around(context, origin, &sizes, &[])?;
         let mut needs = Needs::of(&model);
-        // The base's, for what is the same from everywhere.
+        // Degree 0 of the base, for [`Layer::Constant`].
         if !needs.degrees.contains(&0) {
             needs.degrees.push(0);
         }
@@ -54,7 +54,7 @@ impl Layers {
         Ok(Layers { context: context.clone(), model, renderer })
     }
 
-    /// What `camera` sees of `layer` over `background` (sRGB values). Waits for the device.
+    /// Renders `layer` from `camera` over `background` (sRGB values). Waits for the device.
     pub fn render(&mut self, layer: Layer, camera: &Camera, background: [f32; 3]) -> Result<Rendered> {
         let show = match layer {
             Layer::Whole => Show::all(&self.model, background),

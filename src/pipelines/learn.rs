@@ -1,5 +1,6 @@
-//! What a segment's Gaussians learn from a view's gradient records: gradients and a step at once, or gradients of several views first
-//! and then one step. Steps are Adam's, or Newton's by a curvature that probes tell.
+//! Updates a segment's Gaussians from a view's gradient records: gradients and step in one pass, or gradients
+//! of several views first and then one step. Steps are Adam's, or Newton's with a curvature estimated from
+//! probes.
 
 use super::{
     model::{Model, Planes, Segment},
@@ -22,64 +23,67 @@ pub struct Rates {
     pub mean: f32,
     /// Logarithms of scene units.
     pub log_scale: f32,
-    /// Of quaternions that are not normalised.
+    /// Components of quaternions, before normalisation.
     pub quat: f32,
     /// Logits.
     pub opacity: f32,
     /// Constant SH band.
     pub dc: f32,
-    /// Other SH bands, or what betas have beyond the constant.
+    /// Other SH bands, or the lobes of spherical betas.
     pub sh: f32,
-    /// Of lobes.
+    /// Directions of lobes.
     pub direction: f32,
     /// T of lobes.
     pub width: f32,
     /// β of lobes.
     pub sharpness: f32,
-    /// Weight in the loss of the mean of the segment's opacities. Of a learner that steps on each view.
+    /// Weight of the segment's mean opacity in the loss. Only for a learner that steps on each view.
     pub mean_opacity: f32,
-    /// The same of the mean of its scales, per scene unit.
+    /// Weight of the segment's mean scale in the loss, per scene unit.
     pub mean_scale: f32,
-    /// Of Newton's step: its part of the way to the minimum. A rate then bounds the step, three times as long at most.
+    /// Fraction of the way to the minimum that a Newton step goes. Rates then bound the step to three times
+    /// their value.
     pub newton: f32,
 }
 
 impl Rates {
-    /// All of them times `factor`.
+    /// All rates times `factor`.
     pub fn times(&self, factor: f32) -> Rates {
         let [mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness] =
             self.by_group().map(|rate| factor * rate);
         Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness, ..*self }
     }
 
-    /// In the order of [`groups`](crate::scene::layout::groups).
+    /// The rates in the order of [`groups`](crate::scene::layout::groups).
     pub fn by_group(&self) -> [f32; 9] {
         let Rates { mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness, .. } = *self;
         [mean, log_scale, quat, opacity, dc, sh, direction, width, sharpness]
     }
 }
 
-/// What the Gaussians of a segment learn.
+/// Selects the parameters of a segment that learn, and the optimiser.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lesson {
-    /// Whose Gaussians learn.
+    /// The segment that learns.
     pub segment: Segment,
-    /// All but the opacity is frozen.
+    /// Only opacities learn.
     pub opacity_only: bool,
-    /// Leave alone what a step does not blend (SparseAdam).
+    /// Skip Gaussians that a step does not blend (SparseAdam).
     pub sparse: bool,
-    /// Adam's bias correction of all but the lobes, which always have it.
+    /// Adam's bias correction, except for lobes, which always have it.
     pub bias_correction: bool,
-    /// As the projection had it.
+    /// Opacity compensation, same as in the projection.
     pub compensate: bool,
-    /// See [`Policy::packed`](super::session::Policy::packed); that of the raster whose gradients it learns from.
+    /// See [`Policy::packed`](super::session::Policy::packed); must match the raster that makes the
+    /// gradients.
     pub packed: bool,
-    /// Steps are Newton's, by the curvature that [`Learner::record_probe`] has told, and not Adam's. Those see one view each.
+    /// Newton's steps with the curvature from [`Learner::record_probe`], instead of Adam's. Each step then
+    /// sees one view.
     pub newton: bool,
 }
 
 impl Lesson {
-    /// Everything learns in every step, with Adam's bias correction.
+    /// All parameters learn in every step, with Adam's bias correction.
     pub fn new(segment: Segment) -> Self {
         Lesson {
             segment,
@@ -93,23 +97,24 @@ impl Lesson {
     }
 }
 
-/// Of so many of Newton's steps one is probed first.
+/// One Newton step in this number is preceded by a probe.
 pub const PROBED_NTH: u32 = 4;
-/// What part of the way to the minimum they go at first.
+/// Initial fraction of the way to the minimum that a Newton step goes.
 pub const NEWTON_PART: f32 = 0.02;
 
-/// Quads of moments for each quad that has both.
+/// Quads of moments per quad of parameters with both moments.
 pub(super) fn moments_of(packed: bool) -> usize {
     if packed { 1 } else { 2 }
 }
 
-/// Planes of moments beside so many: whole quads of them where a quad has two.
+/// Planes of moments for `planes` parameters: rounded up to whole quads if moments are not packed.
 pub(crate) fn moment_planes(planes: usize, packed: bool) -> usize {
     if packed { planes } else { 2 * 4 * quads(planes) }
 }
 
-/// Planes of moments beside harmonics of `degree`. Of Newton's steps only the constant one has a curvature, by which the others go too:
-/// a quad that goes before the first moments of all. Packed, of the others there are the first moments, three to a word.
+/// Planes of moments of harmonics of `degree`. With Newton's steps only the constant band has a curvature,
+/// used for all bands: one quad, stored before the first moments. If packed, the other bands store three
+/// first moments per word.
 pub fn sh_moments(degree: u32, packed: bool, newton: bool) -> usize {
     let all = sh_planes(degree);
     match (newton, packed) {
@@ -119,20 +124,20 @@ pub fn sh_moments(degree: u32, packed: bool, newton: bool) -> usize {
     }
 }
 
-/// Bytes of a base's Gaussian that learns everything, and of its moments.
+/// Bytes of a base Gaussian that learns all parameters, including its moments.
 pub fn learning_bytes(sh_degree: u32, packed: bool, newton: bool) -> u64 {
     let moments = [moment_planes(GEOMETRY_PLANES, packed), sh_moments(sh_degree, packed, newton)];
     let planes = [GEOMETRY_PLANES, sh_planes(sh_degree)].into_iter().chain(moments);
     planes.map(bytes).sum()
 }
 
-/// Planes beside a segment's own: moments of what learns, or gradients.
+/// Planes parallel to a segment's own: moments or gradients.
 pub struct Beside {
-    /// Beside the planes of [`layout`](crate::scene::layout)'s geometry.
+    /// Parallel to the geometry planes of [`layout`](crate::scene::layout).
     pub geometry: Planes,
-    /// Beside those of harmonics, as far as the segment's degree goes.
+    /// Parallel to the planes of harmonics, up to the segment's degree.
     pub sh: Planes,
-    /// Beside those of lobes; none of a base.
+    /// Parallel to the planes of lobes; empty for a base.
     pub lobes: Planes,
 }
 
@@ -140,20 +145,20 @@ impl Beside {
     fn moments(model: &Model, lesson: &Lesson) -> Result<Self, GpuError> {
         let sh = sh_moments(model.part(lesson.segment).sh_degree, lesson.packed, lesson.newton);
         let of = |planes| moment_planes(planes, lesson.packed);
-        // Of an opacity alone both lie in one quad.
+        // An opacity alone has both moments in one quad.
         Self::new(model, lesson, [moments_of(lesson.packed), of(GEOMETRY_PLANES), sh, of(LOBE_PLANES)])
     }
 
-    /// And behind those of the geometry a plane that counts views.
+    /// One extra plane after the geometry's counts views.
     fn gradients(model: &Model, lesson: &Lesson) -> Result<Self, GpuError> {
         let sh = sh_planes(model.part(lesson.segment).sh_degree);
         Self::new(model, lesson, [1 + 1, GEOMETRY_PLANES + 1, sh, LOBE_PLANES])
     }
 
-    /// So many planes: of a geometry whose opacity alone learns, of a geometry, of harmonics and of lobes.
+    /// Numbers of planes: of geometry if only opacity learns, of geometry, of harmonics, and of lobes.
     fn new(model: &Model, lesson: &Lesson, planes: [usize; 4]) -> Result<Self, GpuError> {
         let [opacity, geometry, sh, lobes] = planes;
-        // What is frozen has none.
+        // Frozen parameters have none.
         let (geometry, sh, lobes) = match (lesson.opacity_only, lesson.segment) {
             (true, _) => (opacity, 0, 0),
             (false, Segment::Base) => (geometry, sh, 0),
@@ -168,15 +173,15 @@ impl Beside {
         })
     }
 
-    /// As [`super::model::Rearrange::record`] takes them.
+    /// All planes, as [`super::model::Rearrange::record`] takes them.
     pub fn all(&self) -> [&Planes; 3] {
         [&self.geometry, &self.sh, &self.lobes]
     }
 }
 
-/// The gradients of several views and the stages that add and use them.
+/// The gradients of several views, and the stages that accumulate and apply them.
 struct Accumulated {
-    /// And in the plane after those of the geometry the number of views that blend the Gaussian.
+    /// One extra plane after the geometry's counts the views that blend the Gaussian.
     gradients: Beside,
     add: Vec<project_backward::Stage>,
     step: Vec<adam::Stage>,
@@ -184,41 +189,41 @@ struct Accumulated {
 
 /// A lesson with its pipelines and moments.
 pub struct Learner {
-    /// What is learned.
+    /// The parameters and the optimiser.
     pub lesson: Lesson,
-    /// First and second, or first and curvature, in pages as the model's.
+    /// First and second moments, or first moments and curvatures, in pages like the model's.
     pub moments: Beside,
-    /// What of colours can be in use: a pipeline for each.
+    /// The color models to evaluate, one pipeline for each.
     degrees: &'static [u32],
-    /// By `degrees`, for the fused step.
+    /// Pipelines of the fused step, one per entry of `degrees`.
     fused: Vec<project_backward::Stage>,
     accumulated: Option<Accumulated>,
 }
 
-/// One view of a step.
+/// One rendered view of a step.
 #[derive(Clone, Copy)]
 pub struct Seen<'a> {
-    /// Whose parameters the gradients are of.
+    /// The model that the gradients belong to.
     pub model: &'a Model,
-    /// The cameras, of which `view` is one.
+    /// The cameras, `view` among them.
     pub views: &'a Views,
     /// Index in `views`.
     pub view: u32,
-    /// Holds the render of the view and its gradient records.
+    /// Holds the render of the view, and its gradient records.
     pub raster: &'a Raster,
     /// Bands of harmonics in use.
     pub degree: u32,
-    /// See `stages::status`; once it says that the step did not fit, nothing is learned.
+    /// See `stages::status`; if it reports that the step did not fit, nothing is updated.
     pub status: &'a Buffer<u32>,
 }
 
 impl Learner {
-    /// With `accumulate`, for steps that see several views.
+    /// `accumulate` enables steps that see several views.
     pub fn new(model: &Model, lesson: Lesson, accumulate: bool) -> Result<Self, GpuError> {
         let context = model.context();
         let has_lobes = lesson.segment == Segment::Supplement;
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
-        // What is frozen does not look at its colour.
+        // Frozen segments do not read their colours.
         let degrees = if opacity_only { &[0] } else { color::of(model.part(lesson.segment).sh_degree).parts };
         let backward = |wanted: bool, accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
@@ -267,38 +272,39 @@ impl Learner {
         })
     }
 
-    /// The gradients that were added up: of a learner made to accumulate.
+    /// The accumulated gradients, if the learner was made with `accumulate`.
     pub fn gradients(&self) -> Option<&Beside> {
         self.accumulated.as_ref().map(|a| &a.gradients)
     }
 
-    /// Gradients of one view and the step on them. `step` counts from 0 in the life of the moments.
+    /// Computes the gradients of one view and steps on them. `step` counts from 0 over the life of the
+    /// moments.
     pub fn record_step(&self, recorder: &mut Recorder, seen: &Seen<'_>, rates: &Rates, step: u32) {
         self.record_backward(recorder, seen, &self.fused, &self.moments, rates, self.step_rates(rates, step));
     }
 
-    /// What the records say of the curvature, which are those of [`record_probe`](super::loss::Photometric::record_probe). No parameter
-    /// moves. `step` as in [`Learner::record_step`].
+    /// Updates the curvature from the records of [`record_probe`](super::loss::Photometric::record_probe).
+    /// Parameters do not change. `step` as in [`Learner::record_step`].
     pub fn record_probe(&self, recorder: &mut Recorder, seen: &Seen<'_>, step: u32) {
         let rates = StepRates { probe: 1, step, ..Default::default() };
         self.record_backward(recorder, seen, &self.fused, &self.moments, &Rates::default(), rates);
     }
 
-    /// Begins a step of several views.
+    /// Starts a step that sees several views.
     pub fn record_begin(&self, recorder: &mut Recorder) {
         if let Some(a) = &self.accumulated {
             a.gradients.all().into_iter().for_each(|planes| planes.record_zero(recorder));
         }
     }
 
-    /// Adds the gradients of one view.
+    /// Accumulates the gradients of one view.
     pub fn record_add(&self, recorder: &mut Recorder, seen: &Seen<'_>) {
         if let Some(a) = &self.accumulated {
             self.record_backward(recorder, seen, &a.add, &a.gradients, &Rates::default(), StepRates::default());
         }
     }
 
-    /// Steps on what was added.
+    /// Steps on the accumulated gradients.
     pub fn record_adam(
         &self,
         recorder: &mut Recorder,

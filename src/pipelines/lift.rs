@@ -1,7 +1,8 @@
-//! Inverse splatting (method, section 4): from 2D Gaussians and depth maps to supplementary Gaussians, all on the device.
+//! Inverse splatting (method, section 4): turns 2D Gaussians and depth maps into supplementary 3D Gaussians
+//! on the device.
 //!
-//! count → scan → points → (join → groups) … → pca → scan → append. The host reads one number of a batch, its points, which
-//! sizes buffers.
+//! count → scan → points → (join → groups) … → pca → scan → append. The host reads one number per batch, the
+//! points, to size buffers.
 
 use std::ops::Range;
 
@@ -26,16 +27,17 @@ use crate::{
     },
 };
 
-/// ⚖ settings of the method, the defaults first.
+/// ⚖ Options of the method, the defaults first.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LiftOptions {
-    /// Clustering has failed while the smallest group has fewer than 3 points (the appendix), not the largest.
+    /// Clustering fails while the smallest group, not the largest, has fewer than 3 points (as in the
+    /// appendix).
     pub fail_on_smallest: bool,
-    /// The covariance weighs points with w, not with w².
+    /// The covariance weighs points by w, not by w².
     pub plain_weights: bool,
 }
 
-/// What became of the 2D Gaussians of a batch, by place.
+/// Results of lifting a batch, by place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lifted {
     /// `cluster_size` 0: no lift.
@@ -49,38 +51,38 @@ pub struct Lifted {
 pub struct LiftSizes {
     /// 2D Gaussians of a batch, empty places among them.
     pub places: u32,
-    /// Those of the batch first.
+    /// All views; those of the batch come first.
     pub views: u32,
-    /// Training views, among which the nearest is looked for.
+    /// Training views, candidates for the nearest one.
     pub train_views: u32,
 }
 
 buffers! {
-    /// By set of points, which is by place of a 2D Gaussian.
+    /// Buffers by point set, one set per place of a 2D Gaussian.
     pub struct LiftBuffers(o: LiftSizes) {
-        /// Cameras of the batch, then those of training; `pixel_first` counts within [`Flat::depths`].
+        /// Cameras of the batch, then those of training; `pixel_first` is relative to [`Flat::depths`].
         pub views: View = o.views,
         /// Indices of the training views.
         pub train_views: u32 = o.train_views,
-        /// 2D Gaussians, their points, their lifts.
+        /// Numbers of 2D Gaussians, of their points, and of their lifts.
         pub counts: u32 = 3,
         args: u32 = 3,
         block_sums: u32 = block_sums_len(o.places),
         /// Pixels that are covered and have a depth.
         pub point_counts: u32 = o.places,
-        /// Where the points of a set begin in [`PointBuffers`].
+        /// Start of a set's points in [`PointBuffers`].
         pub point_firsts: u32 = o.places,
         /// Index within the set of the point of greatest weight.
         pub heaviest: u32 = o.places,
-        /// Before clustering τ0, after it the τ at which it succeeded, or the last one tried.
+        /// τ0 before clustering. Afterwards the τ at which clustering succeeded, or the last one tried.
         pub taus: f32 = o.places,
-        /// Label of the prime group; undefined where there is none.
+        /// Label of the prime group; undefined if there is none.
         pub prime_labels: u32 = o.places,
         /// Points of the prime group; 0: no lift (fewer than 3 points, τ0 not in (0, 1e18], or failure to the last).
         pub cluster_sizes: u32 = o.places,
-        /// What became of it; `cluster_size` 0: nothing.
+        /// The lift; `cluster_size` 0 if there is none.
         pub lifts: Lift = o.places,
-        /// 1 where there is a lift, else 0.
+        /// 1 if there is a lift, else 0.
         pub lift_flags: u32 = o.places,
         lift_ranks: u32 = o.places,
         /// Dispatches of two stages for every round of clustering.
@@ -89,13 +91,14 @@ buffers! {
 }
 
 buffers! {
-    /// By point; sets lie one after the other without overlap.
+    /// Buffers by point; sets lie one after the other without overlap.
     pub struct PointBuffers(points: u32) {
         /// x, y, z in the camera's frame, and the weight.
         pub points: [f32; 4] = *points,
-        /// Place of the 2D Gaussian that a point belongs to.
+        /// Place of a point's 2D Gaussian.
         pub point_sets: u32 = *points,
-        /// Before clustering a point's own index within its set, after it that of the first point of its component.
+        /// Before clustering a point's own index within its set, afterwards that of the first point of its
+        /// component.
         pub labels: u32 = *points,
         group_sizes: u32 = *points,
     }
@@ -111,24 +114,24 @@ const LIFTS: u32 = 2;
 pub struct Flat<'a> {
     /// Planes of `glsl/shared/screen.glsl` × `stride`.
     pub screen_planes: &'a Buffer<f32>,
-    /// Places of a plane.
+    /// Places per plane.
     pub stride: u32,
-    /// The view of each, counted in [`LiftBuffers::views`].
+    /// View of each place, an index in [`LiftBuffers::views`].
     pub screen_frames: &'a Buffer<u32>,
     /// Median depth of each pixel of the batch, camera z; 0: none.
     pub depths: &'a Buffer<f32>,
-    /// 2D Gaussians, empty places among them.
+    /// Number of places, empty ones included.
     pub count: u32,
 }
 
 /// Appends lifts to a segment.
 pub struct Append {
     scan: Scan,
-    /// By segment.
+    /// One stage per segment.
     stages: [lift_append::Stage; 2],
 }
 
-/// Lifts, those that are to be appended flagged.
+/// Lifts, with flags for those to append.
 #[derive(Clone, Copy)]
 pub struct Lifts<'a> {
     /// In the order of places; `cluster_size` 0: nothing to append.
@@ -139,11 +142,11 @@ pub struct Lifts<'a> {
     pub ranks: &'a Buffer<u32>,
     /// Scratch of a scan over the lifts.
     pub block_sums: &'a Buffer<u32>,
-    /// Of the lifts, `count` of them.
+    /// Extent of the lifts; `count` has the same number on the host.
     pub extent: Extent<'a>,
-    /// Where in `extent.count` the number of appended ones goes.
+    /// Index in `extent.count` that receives the number of appended lifts.
     pub total_index: u32,
-    /// Lifts to look at.
+    /// Number of lifts.
     pub count: u32,
 }
 
@@ -155,7 +158,8 @@ impl Append {
         Ok(Append { scan: Scan::new(context, false)?, stages: [stage(false)?, stage(true)?] })
     }
 
-    /// Appends the flagged ones. What `segment` has no room for is reported in `status`, and left out.
+    /// Appends the flagged lifts. If `segment` has no room for some, they are left out and reported in
+    /// `status`.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -209,7 +213,7 @@ pub struct LiftPhase {
 }
 
 impl LiftPhase {
-    /// Makes the pipelines; buffers are made for each batch.
+    /// Makes the pipelines; buffers are made per batch.
     pub fn new(context: &Context, options: LiftOptions) -> Result<Self, GpuError> {
         let workgroup_size = WORKGROUP;
         let fail_on_smallest = u32::from(options.fail_on_smallest);
@@ -232,7 +236,7 @@ impl LiftPhase {
         })
     }
 
-    /// Pixels with a depth that each 2D Gaussian covers, and where their points begin.
+    /// Counts the pixels with a depth that each 2D Gaussian covers, and the start of their points.
     pub fn record_count(&self, recorder: &mut Recorder, flat: &Flat<'_>, b: &LiftBuffers) {
         let Flat { screen_planes, stride, screen_frames, depths, count } = *flat;
         self.count.record(
@@ -275,7 +279,7 @@ impl LiftPhase {
         self.scan.record(recorder, &buffers, extent, total);
     }
 
-    /// The covered pixels as 3D points.
+    /// Unprojects the covered pixels to 3D points.
     pub fn record_points(&self, recorder: &mut Recorder, flat: &Flat<'_>, b: &LiftBuffers, p: &PointBuffers) {
         let Flat { screen_planes, stride, screen_frames, depths, count } = *flat;
         self.points.record(
@@ -298,8 +302,8 @@ impl LiftPhase {
         );
     }
 
-    /// Separates foreground from background in `count` sets of `point_count` points altogether: rounds at growing τ, as many as
-    /// are needed, decided on the device.
+    /// Separates foreground from background in `count` sets with a total of `point_count` points. Rounds with
+    /// a growing τ repeat until clustering succeeds; the device decides.
     pub fn record_clusters(
         &self,
         recorder: &mut Recorder,
@@ -347,7 +351,8 @@ impl LiftPhase {
         }
     }
 
-    /// The 3D Gaussian of each prime group. `unit` is the scene's own length: eigenvalues are at least 1e-7 of its square.
+    /// Fits a 3D Gaussian to each prime group. `unit` is the scene's length unit: eigenvalues are at least
+    /// 1e-7 of its square.
     pub fn record_pca(&self, recorder: &mut Recorder, flat: &Flat<'_>, unit: f32, b: &LiftBuffers, p: &PointBuffers) {
         let Flat { screen_planes, stride, screen_frames, count, .. } = *flat;
         self.pca.record(
@@ -378,7 +383,8 @@ impl LiftPhase {
         );
     }
 
-    /// Appends lifts to the supplement of `model`. What it has no room for is reported in `status`, and left out.
+    /// Appends lifts to the supplement of `model`. If there is no room for some, they are left out and
+    /// reported in `status`.
     pub fn record_append(
         &self,
         recorder: &mut Recorder,
@@ -399,11 +405,11 @@ impl LiftPhase {
         self.append.record(recorder, Segment::Supplement, &lifts, model, status);
     }
 
-    /// Lifts the 2D Gaussians of the batch that `refiner` refined last and appends them to `model`. All of `views` count as
-    /// training views. Waits.
+    /// Lifts the batch that `refiner` has refined last, and appends the result to `model`. All of `views`
+    /// count as training views. Waits.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the model has no room for them; else what the device lacks.
+    /// [`Error::Usage`] if the model has no room; otherwise an error of the device.
     pub fn lift(&self, refiner: &Refiner, views: &Views, unit: f32, model: &mut Model) -> Result<Lifted> {
         let (screen, batch) = (&refiner.screen, refiner.views());
         let places = screen.sizes.places;
@@ -435,14 +441,14 @@ impl LiftPhase {
         Ok(Lifted { lifts: b.lifts.download()?, taus: b.taus.download()? })
     }
 
-    /// Appends lifts of an earlier run; entries that are none are passed over. Waits.
+    /// Appends lifts of an earlier run; skips empty entries. Waits.
     pub fn append_lifts(&self, lifts: &[Lift], model: &mut Model) -> Result<()> {
         let count = lifts.len() as u32;
         let b = LiftBuffers::new(&self.context, &LiftSizes { places: count, views: 1, train_views: 1 })?;
         b.lifts.upload(0, lifts)?;
         b.lift_flags.upload(0, &lifts.iter().map(|l| u32::from(l.cluster_size > 0)).collect::<Vec<_>>())?;
         b.counts.upload(0, &[count, 0, 0])?;
-        // The dispatch over their blocks: a folded one cannot come from so few.
+        // Dispatch over the blocks; so few need no folding.
         let groups = count.div_ceil(items_per_group(self.context.info())).max(1);
         b.args.upload(0, &[groups, 1, 1])?;
         self.append(count, &b, model)
@@ -462,7 +468,8 @@ impl LiftPhase {
     }
 }
 
-/// The batch's views as the screen phase numbers them, then the others; and each training view's index among these.
+/// The batch's views in the screen phase's order, then the others; and the index of each training view in
+/// this list.
 fn lift_views(cameras: &[Camera], batch: &Range<usize>) -> (Vec<View>, Vec<u32>) {
     let mut list = Vec::with_capacity(cameras.len());
     let mut pixel_first = 0;
@@ -476,7 +483,7 @@ fn lift_views(cameras: &[Camera], batch: &Range<usize>) -> (Vec<View>, Vec<u32>)
             train[v] = (v - batch.start) as u32;
         } else {
             train[v] = list.len() as u32;
-            // Its pixels are not in this batch's depth map; only its frustum is asked for.
+            // A view outside the batch has no pixels in its depth map; only its frustum is used.
             list.push(view(camera, 0));
         }
     }

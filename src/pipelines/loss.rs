@@ -11,48 +11,48 @@ use crate::{
     },
 };
 
-/// Which tiles a loss is made of.
+/// Selection of the tiles that a loss covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tiles {
     /// Every tile of every frame of the batch.
     All,
-    /// All, and the loss of each pixel.
+    /// All tiles, and also write the loss of each pixel.
     Map,
-    /// Those of [`TileLists`].
+    /// The tiles of [`TileLists`].
     Listed,
 }
 
-/// What a [`Photometric`] must hold and do.
+/// Options and sizes of a [`Photometric`].
 #[derive(Debug, Clone, Copy)]
 pub struct LossOptions {
-    /// Tiles of the largest batch, each frame having as many as its largest.
+    /// Tiles of the largest batch; each frame counts as its largest.
     pub tiles: u32,
     /// Pixels of the largest batch, for [`Tiles::Map`].
     pub map_pixels: u32,
-    /// Losses remembered.
+    /// Number of losses stored.
     pub losses: u32,
-    /// With [`Tiles::Listed`].
+    /// Enable [`Tiles::Listed`].
     pub listed: bool,
-    /// The gradient will be asked for.
+    /// Enable gradients.
     pub backward: bool,
-    /// And [`Photometric::record_probe`].
+    /// Enable [`Photometric::record_probe`].
     pub probe: bool,
 }
 
-/// The frames of a batch, what they show and what they should.
+/// The frames of a batch with their rendered images and targets.
 #[derive(Clone, Copy)]
 pub struct Batch<'a> {
-    /// Where the pixels of frames lie.
+    /// Layout of the frames' pixels.
     pub frames: &'a Buffer<Frame>,
-    /// Index in `frames` of the first.
+    /// Index in `frames` of the first frame.
     pub frame_first: u32,
     /// Frames, one after the other.
     pub frame_count: u32,
-    /// The most of any frame, see [`tiles_per_frame`](crate::stages::ssim::tiles_per_frame).
+    /// Maximum over the frames, see [`tiles_per_frame`](crate::stages::ssim::tiles_per_frame).
     pub tiles_per_frame: u32,
-    /// What was rendered: sRGB and transmittance of each pixel.
+    /// The rendered image: sRGB and transmittance per pixel.
     pub image: &'a Buffer<[f32; 4]>,
-    /// Photographs: packed 8-bit RGBA of each pixel, alpha 0 where it does not count.
+    /// Photographs: packed 8-bit RGBA per pixel, alpha 0 if the pixel is masked out.
     pub targets: &'a Buffer<u32>,
 }
 
@@ -65,17 +65,17 @@ buffers! {
 }
 
 buffers! {
-    /// Tiles of the loss that matter: a list for its forward pass and one for its gradient.
+    /// Lists of tiles that can have changed: one for the forward pass and one for the gradient.
     pub struct TileLists(tiles: u32) {
-        /// Whether a tile is in the list already, for both lists.
+        /// Marks tiles that are in a list already, for both lists.
         pub tile_marks: u32 = 2 * *tiles,
-        /// Tiles of each list.
+        /// Number of tiles in each list.
         pub count: u32 = 2,
-        /// The dispatches of that many workgroups.
+        /// Dispatches with one workgroup per listed tile.
         pub args: u32 = 6,
-        /// Tiles whose loss is made, in any order.
+        /// Tiles of the forward pass, in any order.
         pub forward_tiles: u32 = *tiles,
-        /// Tiles whose gradient is made, in any order.
+        /// Tiles of the gradient, in any order.
         pub backward_tiles: u32 = *tiles,
     }
 }
@@ -83,9 +83,9 @@ buffers! {
 /// Pipelines and working buffers for batches of up to a number of frames.
 pub struct Photometric {
     buffers: LossBuffers,
-    /// By step or by frame. In host memory: 16 bytes are written for each frame of each step.
+    /// Losses by step or by frame. In host memory: each step writes 16 bytes per frame.
     pub losses: Buffer<Loss>,
-    /// Of all tiles, with the map, and of listed ones.
+    /// Variants for [`Tiles::All`], [`Tiles::Map`] and [`Tiles::Listed`].
     forward: [Option<ssim_forward::Stage>; 3],
     backward: [Option<ssim_backward::Stage>; 3],
     sum: loss_sum::Stage,
@@ -126,7 +126,7 @@ impl Photometric {
         })
     }
 
-    /// Remembers as many losses as `count` from now on, which may lose those that it has.
+    /// Makes room for `count` losses; those stored so far may be lost.
     pub fn make_room(&mut self, context: &Context, count: usize) -> Result<(), GpuError> {
         if self.losses.len() < count {
             self.losses = Buffer::new(context, "losses", count, Location::Readback)?;
@@ -134,17 +134,17 @@ impl Photometric {
         Ok(())
     }
 
-    /// What the loss of such batches holds.
+    /// The buffers of a loss with these options.
     pub fn plan(options: &LossOptions) -> Plan {
         LossBuffers::plan(options)
     }
 
-    /// By pixel of the batch, once [`Tiles::Map`] was recorded.
+    /// Loss by pixel of the batch, after [`Tiles::Map`] was recorded.
     pub fn loss_map(&self) -> &Buffer<f32> {
         &self.buffers.loss_map
     }
 
-    /// Compares the batch's images with their targets. `lists` are for [`Tiles::Listed`].
+    /// Compares the batch's images with their targets. `lists` is required for [`Tiles::Listed`].
     pub fn record_forward(&self, recorder: &mut Recorder, batch: &Batch<'_>, tiles: Tiles, lists: Option<&TileLists>) {
         let Some(stage) = &self.forward[tiles as usize] else { return };
         let (words, map) = (self.unused.of(), self.unused.of());
@@ -167,7 +167,7 @@ impl Photometric {
         }
     }
 
-    /// The gradient of what [`Photometric::record_forward`] compared, by the images' pixels.
+    /// Gradient of the loss of [`Photometric::record_forward`] by the images' pixels.
     pub fn record_backward(
         &self,
         recorder: &mut Recorder,
@@ -196,8 +196,8 @@ impl Photometric {
         }
     }
 
-    /// In place of the gradient of the batch's only frame one that is drawn anew in each step, from which
-    /// [`Learner::record_probe`](super::learn::Learner::record_probe) learns of curvature.
+    /// Replaces the gradient of the batch's only frame by a random one, drawn anew in each step.
+    /// [`Learner::record_probe`](super::learn::Learner::record_probe) estimates the curvature from it.
     pub fn record_probe(
         &self,
         recorder: &mut Recorder,
@@ -212,7 +212,7 @@ impl Photometric {
         stage.record(recorder, &buffers, &loss_probe::Push { frame, step }, pixels);
     }
 
-    /// Sums the tiles of all frames into [`Photometric::losses`] from `first` on.
+    /// Sums the tiles of each frame into [`Photometric::losses`], from index `first` on.
     pub fn record_sum(&self, recorder: &mut Recorder, batch: &Batch<'_>, first: u32) {
         let Batch { frames, frame_first, frame_count, tiles_per_frame, .. } = *batch;
         self.sum.record(

@@ -1,4 +1,4 @@
-//! Order of recording: which stages run, on what, and when the host looks.
+//! Pipelines: record stages in order, on their buffers, and decide when the host reads results.
 
 #[cfg(feature = "train")]
 pub mod checkpoint;

@@ -1,4 +1,4 @@
-//! A scene on the device: base and supplement as segments of pages, and how many Gaussians each has.
+//! A scene on the device: base and supplement as segments of pages, and the number of Gaussians in each.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -39,12 +39,12 @@ impl Segment {
     /// In the order of the Gaussian index.
     pub const ALL: [Segment; population::SEGMENTS as usize] = [Segment::Base, Segment::Supplement];
 
-    /// As kernels are given it.
+    /// The segment's index in kernels.
     pub fn index(self) -> u32 {
         self as u32
     }
 
-    /// What is too small when there is no room in it.
+    /// The resource to report if this segment runs out of room.
     pub fn resource(self) -> Resource {
         match self {
             Segment::Base => Resource::BaseGaussians,
@@ -56,7 +56,7 @@ impl Segment {
 /// A page of planes, four to a quad: see `glsl/shared/model.glsl`.
 type Quads = Buffer<[f32; 4]>;
 
-/// Values of a segment's Gaussians, a number of planes for each, page by page.
+/// Values of a segment's Gaussians: a number of planes, page by page.
 pub struct Planes {
     name: &'static str,
     planes: usize,
@@ -70,7 +70,7 @@ impl Planes {
         Ok(all)
     }
 
-    /// All 0, for the pages that a segment has.
+    /// Planes full of 0, for the pages of a segment.
     pub fn zeroed(context: &Context, name: &'static str, planes: usize, pages: &[Page]) -> Result<Self, GpuError> {
         let all = Self::new(context, name, planes, pages)?;
         let mut recorder = context.recorder("zero")?;
@@ -93,12 +93,12 @@ impl Planes {
         Ok(())
     }
 
-    /// Planes of each Gaussian.
+    /// Number of planes per Gaussian.
     pub fn planes(&self) -> usize {
         self.planes
     }
 
-    /// Of one page: plane p of a place is component p mod 4 of quad ⌊p / 4⌋ × capacity + place.
+    /// Buffer of one page: plane p of a place is component p mod 4 of quad ⌊p / 4⌋ × capacity + place.
     pub fn page(&self, page: usize) -> &Quads {
         &self.pages[page]
     }
@@ -123,7 +123,7 @@ impl Planes {
         Ok(values)
     }
 
-    /// Brings back what [`Planes::values`] gave of `count` places. Waits.
+    /// Uploads values of `count` places that [`Planes::values`] returned. Waits.
     pub fn restore(&self, values: &[f32], count: usize) -> Result<(), GpuError> {
         let mut first = 0;
         for page in self.pages.iter().filter(|_| self.planes > 0) {
@@ -138,51 +138,52 @@ impl Planes {
 
 /// The parameters of one segment.
 pub struct Part {
-    /// In order; a page begins where the one before ends.
+    /// Pages in order; each starts at the end of the previous one.
     pub pages: Vec<Page>,
-    /// Position, scale, rotation and opacity: planes as `scene::layout` names them.
+    /// Position, scale, rotation and opacity: the planes named in `scene::layout`.
     pub geometry: Planes,
     /// Colour.
     pub sh: Planes,
-    /// None for the base.
+    /// Lobes; empty for the base.
     pub lobes: Planes,
-    /// Of its harmonics, 0 to 3, or [`BETAS`](color::BETAS).
+    /// Degree of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
-    /// Of half width, see [`layout::pack_geometry`] and [`layout::pack_halves`].
+    /// Half width, see [`layout::pack_geometry`] and [`layout::pack_halves`].
     half: bool,
 }
 
 impl Part {
-    /// Gaussians that it has room for.
+    /// Number of Gaussians that fit.
     pub fn capacity(&self) -> u32 {
         self.pages.iter().map(|page| page.capacity).sum()
     }
 }
 
-/// Room for Gaussians beyond those of a scene.
+/// Extra capacity of a model beyond its scene, and its format.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Room {
-    /// Gaussians.
+    /// Extra Gaussians of the base.
     pub base: u32,
-    /// Gaussians with lobes.
+    /// Extra Gaussians with lobes.
     pub supplement: u32,
-    /// Gaussians of a page at most; `None` for as many as the device binds at once.
+    /// Maximum number of Gaussians per page; `None` for the device's limit.
     pub page: Option<u32>,
-    /// Degree of the harmonics of a supplement that the scene does not have yet; `None` for the base's.
+    /// Degree of the harmonics of a future supplement, if the scene has none yet; `None` for the base's
+    /// degree.
     pub supplement_degree: Option<u32>,
-    /// Half width: 128 bytes for a Gaussian of degree 3 instead of 240, harmonics as half floats, rotation and scales in 128 bits. For
-    /// rendering alone; nothing can learn.
+    /// Half width: 128 bytes per Gaussian of degree 3 instead of 240. Harmonics are half floats; rotation and
+    /// scales take 128 bits. For rendering only: such a model cannot learn.
     pub half: bool,
 }
 
 impl Room {
-    /// Gaussians that a model of so many in each segment has room for.
+    /// Capacities of the segments of a model that starts with these counts.
     fn capacities(&self, counts: [u32; 2]) -> [u32; 2] {
-        // The base has a page even where it is empty: what a pixel without a Gaussian gets is written by its first.
+        // An empty base still has a page: its first Gaussian writes the pixels without a Gaussian.
         [counts[0].saturating_add(self.base).max(1), counts[1].saturating_add(self.supplement)]
     }
 
-    /// Planes of geometry, harmonics and lobes.
+    /// Numbers of planes: of geometry, harmonics and lobes.
     fn planes(&self, segment: Segment, sh_degree: u32) -> [usize; 3] {
         let sh = layout::sh_planes(sh_degree);
         let lobes = if segment == Segment::Base { 0 } else { LOBE_PLANES };
@@ -204,7 +205,7 @@ impl Room {
         [base, scene.supplement.as_ref().map(of).or(self.supplement_degree).unwrap_or(base)]
     }
 
-    /// Gaussians of a page.
+    /// Maximum number of Gaussians per page.
     pub(super) fn page_limit(&self, device: &DeviceInfo, sh_degree: u32) -> u32 {
         // A page's largest buffer holds two moments of every SH plane.
         let quads = 2 * layout::quads(layout::sh_planes(sh_degree).max(GEOMETRY_PLANES));
@@ -213,27 +214,28 @@ impl Room {
     }
 }
 
-/// Of the planes of each segment.
+/// Debug names of each segment's planes.
 const NAMES: [[&str; 3]; 2] =
     [["geometry", "sh", "lobes"], ["supplement geometry", "supplement sh", "supplement lobes"]];
 
-/// A scene's segments, and their counts, which are the device's: stages may change them, dispatches follow. What is recorded with a model
-/// keeps its buffers (see [`Kept`](crate::gpu::Kept)), so that it may be dropped before that has run.
+/// A scene's segments on the device. Their counts live on the device: stages may change them, and later
+/// dispatches read them. Recorded commands keep the model's buffers (see [`Kept`](crate::gpu::Kept)), so it
+/// may be dropped before they have run.
 pub struct Model {
     context: Context,
     parts: [Part; 2],
-    /// The greatest of both segments, 0 to 3, or [`BETAS`](color::BETAS).
+    /// The higher degree of both segments, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
-    /// Where the device's coordinates begin, in the world: means are relative to it.
+    /// World position of the device's coordinate origin; means are relative to it.
     pub origin: DVec3,
-    /// Where the means of the scene that it was made of begin, and those of [`Model::download`].
+    /// Origin of the uploaded scene's means, used again by [`Model::download`].
     pub(crate) scene_origin: DVec3,
     page_limit: u32,
-    /// Gaussians of each segment, as the host knows them: see [`Model::learn_counts`].
+    /// Last counts of each segment known to the host, see [`Model::learn_counts`].
     known: [u32; 2],
-    /// Where each segment begins in the Gaussian index, and the number of all Gaussians.
+    /// Start of each segment in the Gaussian index, and the total number of Gaussians.
     pub population: Buffer<u32>,
-    /// Dispatches over pages, then over the blocks of all Gaussians up to the end of each segment.
+    /// Dispatches over each page, then over the blocks of all Gaussians up to the end of each segment.
     pub population_args: Buffer<u32>,
     segment_counts: Buffer<u32>,
     pages: Buffer<Page>,
@@ -242,16 +244,16 @@ pub struct Model {
 }
 
 impl Model {
-    /// Copies `scene` to the device in its own coordinates, with room for `spare` more supplementary Gaussians. Waits.
+    /// Uploads `scene` around its own origin, with room for `spare` more supplementary Gaussians. Waits.
     ///
     /// # Errors
-    /// Where the device's memory does not suffice.
+    /// If the device's memory does not suffice.
     pub fn upload(context: &Context, scene: &Scene, spare: usize) -> Result<Self> {
         let room = Room { supplement: spare as u32, ..Default::default() };
         Self::upload_around(context, scene.origin, scene, room)
     }
 
-    /// What a model of `scene` will hold on a device.
+    /// Buffers of a model of `scene` on a device.
     pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
         let degrees = room.degrees(scene);
         let capacities = room.capacities(counts_of(scene));
@@ -274,7 +276,7 @@ impl Model {
         plan
     }
 
-    /// In coordinates that count from `origin`, the views' own.
+    /// Uploads `scene` with coordinates relative to `origin`, the origin of the views. Waits.
     pub fn upload_around(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         let mut model = Self::allocate(context, origin, scene, room)?;
         for (part, (gaussians, lobes)) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
@@ -289,7 +291,7 @@ impl Model {
         Ok(model)
     }
 
-    /// All that a scene needs on the device, without contents. Submits nothing.
+    /// Makes all buffers of a model, without contents. Submits nothing.
     fn allocate(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         lengths(scene).map_err(|what| Error::Usage(format!("a scene: {what}")))?;
         let degrees = room.degrees(scene);
@@ -335,7 +337,7 @@ impl Model {
         })
     }
 
-    /// The table of pages and what follows from it. Waits.
+    /// Uploads the table of pages, and recounts. Waits.
     fn upload_pages(&mut self) -> Result<()> {
         let pages: Vec<Page> = self.parts.iter().flat_map(|part| part.pages.iter().copied()).collect();
         if pages.len() > self.pages.len() {
@@ -354,8 +356,8 @@ impl Model {
         Ok(recorder.submit()?.wait().map(drop)?)
     }
 
-    /// Makes everything follow the segments' counts on the device. With `added` word `added.1` of `added.0` is first added to
-    /// the segment's; what the pages have no room for is reported in `status`.
+    /// Updates totals and dispatches from the segments' counts on the device. With `added`, first adds word
+    /// `added.1` of `added.0` to the segment's count. A count beyond the pages' room is reported in `status`.
     pub fn record_recount(
         &self,
         recorder: &mut Recorder,
@@ -385,22 +387,22 @@ impl Model {
         );
     }
 
-    /// How many Gaussians the device has of each segment. Waits.
+    /// Reads the number of Gaussians in each segment. Waits.
     pub fn counts(&self) -> Result<[u32; 2]> {
         let counts = self.segment_counts.download()?;
         Ok([counts[0], counts[1]])
     }
 
-    /// Asks the device how many Gaussians there are. Waits.
+    /// Reads the numbers of Gaussians from the device and stores them on the host. Waits.
     pub fn learn_counts(&mut self) -> Result<[u32; 2]> {
         self.known = self.counts()?;
         Ok(self.known)
     }
 
-    /// Tells the device how many Gaussians a segment has; what new ones are is undefined. Waits.
+    /// Sets the number of Gaussians of a segment on the device; the values of new ones are undefined. Waits.
     ///
     /// # Errors
-    /// [`Error::Usage`] where there is no room for them.
+    /// [`Error::Usage`] if there is no room for them.
     pub fn set_count(&self, segment: Segment, count: u32) -> Result<()> {
         let capacity = self.part(segment).capacity();
 
@@ -411,14 +413,15 @@ impl Model {
         self.recount_now()
     }
 
-    /// Room for at least so many Gaussians in a segment: more pages, beside those that there are. Waits.
+    /// Makes room for at least `capacity` Gaussians in a segment by adding pages. Waits.
     pub fn reserve(&mut self, segment: Segment, capacity: u32) -> Result<()> {
         let limit = self.page_limit;
         self.parts[segment as usize].reserve(&self.context, segment, capacity, limit)?;
         self.upload_pages()
     }
 
-    /// Its buffers: of each segment page by page those with planes, then the counts. They are others after [`Model::reserve`].
+    /// Lists the buffers: for each segment and page those with planes, then the counts. [`Model::reserve`]
+    /// replaces some.
     pub fn held(&self) -> Vec<Held> {
         let mut held = Vec::new();
         for (names, part) in NAMES.into_iter().zip(&self.parts) {
@@ -437,58 +440,59 @@ impl Model {
         held
     }
 
-    /// The context that it was uploaded to.
+    /// The context that holds the model.
     pub fn context(&self) -> &Context {
         &self.context
     }
 
-    /// The pages of a segment.
+    /// The parameters of a segment.
     pub fn part(&self, segment: Segment) -> &Part {
         &self.parts[segment as usize]
     }
 
-    /// The pages of a segment, each with its number in the segment, that of its dispatch, and what it is.
+    /// The pages of a segment, each with its number in the segment, the index of its dispatch, and its
+    /// description.
     pub fn pages(&self, segment: Segment) -> impl Iterator<Item = (usize, u32, Page)> + '_ {
         let before = if segment == Segment::Base { 0 } else { self.parts[0].pages.len() };
         self.part(segment).pages.iter().enumerate().map(move |(k, &page)| (k, (before + k) as u32, page))
     }
 
-    /// The dispatch over the blocks of all Gaussians up to the end of `segment`.
+    /// Index of the dispatch over the blocks of all Gaussians up to the end of `segment`.
     pub fn blocks_dispatch(&self, segment: Segment) -> u32 {
         self.parts.iter().map(|p| p.pages.len() as u32).sum::<u32>() + segment.index()
     }
 
-    /// Gaussians of a segment, as the host knows them.
+    /// Number of Gaussians in a segment, as last known to the host.
     pub fn count_of(&self, segment: Segment) -> u32 {
         self.known[segment as usize]
     }
 
-    /// Gaussians in all, as the host knows them.
+    /// Total number of Gaussians, as last known to the host.
     pub fn count(&self) -> u32 {
         self.known.iter().sum()
     }
 
-    /// Gaussians that there is room for.
+    /// Total number of Gaussians that fit.
     pub fn capacity(&self) -> u32 {
         self.parts.iter().map(Part::capacity).sum()
     }
 
-    /// Whether there are supplementary Gaussians, as far as the host knows.
+    /// Whether the supplement has Gaussians, as last known to the host.
     pub fn has_supplement(&self) -> bool {
         self.parts[1].capacity() > 0
     }
 
-    /// What the Gaussians of a segment show where `degree` is asked for.
+    /// Degree that a segment is rendered with if `degree` is asked for.
     pub fn degree_of(&self, segment: Segment, degree: u32) -> u32 {
         color::of(self.part(segment).sh_degree).part(degree)
     }
 
-    /// It is of half width, see [`Room::half`].
+    /// Whether it has half width, see [`Room::half`].
     pub fn is_half(&self) -> bool {
         self.parts[0].half
     }
 
-    /// Fails where `views` count from another origin.
+    /// Fails if `views` have another origin.
     pub fn check_origin(&self, views: &Views) -> Result<()> {
         // guard: one origin for model and views
         match self.origin == views.origin {
@@ -499,14 +503,14 @@ impl Model {
         }
     }
 
-    /// Copies the scene back to the host, as the device has it by now, with the origin of the scene that was uploaded. Waits.
+    /// Downloads the current scene, with the origin of the uploaded one. Waits.
     pub fn download(&self) -> Result<Scene> {
         let counts = self.segment_counts.download()?;
         let (base, _) = self.parts[0].download(counts[0] as usize, self.origin - self.scene_origin)?;
         Ok(Scene { base, supplement: self.supplement()?, origin: self.scene_origin })
     }
 
-    /// The supplement as it is on the device, in coordinates of the scene that was uploaded; `None` where it is empty. Waits.
+    /// Downloads the supplement, in coordinates of the uploaded scene; `None` if it is empty. Waits.
     pub fn supplement(&self) -> Result<Option<Supplement>> {
         match self.segment_counts.download()?[1] {
             0 => Ok(None),
@@ -538,7 +542,7 @@ impl Part {
         Ok(())
     }
 
-    /// The buffers of page `k` and what they hold of these Gaussians.
+    /// The buffers of page `k` with the values of these Gaussians.
     fn values(
         &self,
         k: usize,
@@ -601,44 +605,45 @@ impl Part {
     }
 }
 
-/// Gaussians of each segment.
+/// Number of Gaussians in each segment.
 fn counts_of(scene: &Scene) -> [u32; 2] {
     segments_of(scene, &Supplement::default()).map(|(gaussians, _)| gaussians.len() as u32)
 }
 
-/// Base and supplement; of a scene without the latter, `none`.
+/// Base and supplement of a scene; without a supplement, `none` stands in.
 fn segments_of<'a>(scene: &'a Scene, none: &'a Supplement) -> [(&'a Gaussians, Option<&'a Lobes>); 2] {
     let supplement = scene.supplement.as_ref().unwrap_or(none);
     [(&scene.base, None), (&supplement.gaussians, Some(&supplement.lobes))]
 }
 
-/// A scene on its way to the device, in the caller's own command buffer: nothing is submitted, nothing waited for. Any thread may
+/// An upload of a scene by the caller's own command buffer: it does not submit or wait. Any thread may
 /// prepare it while others draw.
 ///
-/// The command buffer may be of another queue than the frames' if that takes compute; then a semaphore stands between the two. Buffers
-/// belong to one queue family: from a queue of another family each of [`Model::held`] is released there, and acquired by the frames' before
-/// the first of them. As with a frame, the compute pipeline, descriptor set 0 and push constants are others afterwards. What
-/// [`Recorder::finish`](crate::gpu::Recorder::finish) gives is kept until the commands have run.
+/// The command buffer may belong to another queue than the frames', if that queue supports compute; separate
+/// the two by a semaphore. Buffers belong to one queue family: from another family, release each of
+/// [`Model::held`] there, and acquire it on the frames' queue before the first frame. As with a frame, the
+/// bound compute pipeline, descriptor set 0 and push constants change. Keep the result of
+/// [`Recorder::finish`](crate::gpu::Recorder::finish) until the commands have run.
 pub struct Upload {
     model: Model,
-    /// Host memory, and what it goes to.
+    /// Pairs of staging memory and its destination.
     staged: Vec<(Quads, Quads)>,
     status: Buffer<u32>,
-    /// Until then there is nothing on the device, nor a number of Gaussians.
+    /// Until it is set, the model has neither contents nor counts.
     recorded: AtomicBool,
 }
 
 impl Upload {
-    /// What an upload of `scene` takes beside its model until it is recorded and its commands have run: host memory, of which a
-    /// context's budget knows where device and host share theirs. It is as much again as the pages that are filled;
-    /// [`Model::upload_around`], which waits, stages 64 MiB at most.
+    /// Memory of an upload in addition to its model, until its commands have run. It is host memory, which
+    /// counts against a context's budget if device and host share theirs, and as large as the filled pages.
+    /// [`Model::upload_around`], which waits, stages at most 64 MiB.
     pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
         let (degrees, counts) = (room.degrees(scene), counts_of(scene));
         let limit = room.page_limit(device, degrees[0].max(degrees[1]));
         let mut plan = Plan::default();
         for (segment, capacity) in Segment::ALL.into_iter().zip(room.capacities(counts)) {
             let s = segment as usize;
-            // Whole pages.
+            // Pages are staged whole.
             let elements = capacity.min(counts[s].div_ceil(limit).saturating_mul(limit)).into();
             let rows = NAMES[s].into_iter().zip(room.bytes(segment, degrees[s]));
             let rows = rows.map(|(name, element_bytes)| Planned { name, elements, element_bytes });
@@ -648,11 +653,11 @@ impl Upload {
         plan
     }
 
-    /// Takes memory on both sides for `scene` in coordinates that count from `origin`, and fills the host's: see [`Model::plan`] and
-    /// [`Upload::plan`].
+    /// Allocates device memory for `scene`, in coordinates relative to `origin`, and fills staging memory on
+    /// the host: see [`Model::plan`] and [`Upload::plan`].
     ///
     /// # Errors
-    /// Where memory does not suffice.
+    /// If memory does not suffice.
     pub fn prepare(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         let model = Model::allocate(context, origin, scene, room)?;
         let mut staged = Vec::new();
@@ -669,10 +674,11 @@ impl Upload {
         Ok(Upload { model, staged, status, recorded: AtomicBool::new(false) })
     }
 
-    /// Records the copies, and the kernel that makes dispatches of the counts. The command buffer's queue takes compute.
+    /// Records the copies, and the kernel that makes dispatches from the counts. The command buffer's queue
+    /// must support compute.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the recorder is of another context; nothing is recorded then.
+    /// [`Error::Usage`] if the recorder is of another context; then nothing is recorded.
     pub fn record(&self, recorder: &mut Recorder) -> Result<()> {
         if !recorder.context().is_same(&self.model.context) {
             return Err(Error::Usage("a recorder of another context than the upload's".into()));
@@ -685,22 +691,23 @@ impl Upload {
         recorder.update(&self.model.segment_counts, 0, &self.model.known);
         recorder.fill(&self.status, 0);
         self.model.record_recount(recorder, None, &self.status);
-        // Whatever comes next on the queue may read it.
+        // Any later command on the queue may read it.
         recorder.barrier();
         self.recorded.store(true, Ordering::Release);
         Ok(())
     }
 
-    /// Whether [`Upload::record`] has recorded it.
+    /// Whether [`Upload::record`] was called.
     pub fn is_recorded(&self) -> bool {
         self.recorded.load(Ordering::Acquire)
     }
 
-    /// The model, once the commands have run, or before: what reads it must only come later on the same queue, or wait. What was
-    /// recorded keeps the host memory until then (see [`Kept`](crate::gpu::Kept)).
+    /// Returns the model. The commands need not have run yet, as long as readers come later on the same
+    /// queue, or wait. The recorded commands keep the staging memory (see [`Kept`](crate::gpu::Kept)).
     ///
     /// # Errors
-    /// [`Error::Usage`] where it was not recorded: what a frame then drew would be whatever the memory holds, in whatever number.
+    /// [`Error::Usage`] if it was not recorded: frames would draw uninitialised memory with an arbitrary
+    /// count.
     pub fn finish(self) -> Result<Model> {
         match self.is_recorded() {
             true => Ok(self.model),
@@ -709,13 +716,13 @@ impl Upload {
     }
 }
 
-/// The coordinate seen from elsewhere, rounded once; from the same place it keeps its bits, −0 and NaN too.
+/// Shifts a coordinate, rounding once; with no shift the bits stay, including −0 and NaN.
 fn moved(coordinate: f32, by: f64) -> f32 {
     // guard: bits at the world's origin
     if by == 0.0 { coordinate } else { (f64::from(coordinate) + by) as f32 }
 }
 
-/// Moves the Gaussians of a segment to new numbers: to fewer, in another order, some of them several times.
+/// Rearranges the Gaussians of a segment: they can be dropped, reordered or duplicated.
 pub struct Rearrange {
     gather: gather::Stage,
     dispatch_args: dispatch_args::Stage,
@@ -724,24 +731,24 @@ pub struct Rearrange {
     targets: u32,
 }
 
-/// What a segment's Gaussians become.
+/// New arrangement of a segment's Gaussians.
 #[derive(Clone, Copy)]
 pub struct Sources<'a> {
-    /// By new number the old one; [`NONE`] where all planes become 0.
+    /// Old number by new number; [`NONE`] sets all planes to 0.
     pub sources: &'a Buffer<u32>,
-    /// Word `index` of `count` is the segment's new count.
+    /// Word `index` of `count` is the new number of Gaussians.
     pub count: &'a Buffer<u32>,
     /// See `count`.
     pub index: u32,
 }
 
 impl Rearrange {
-    /// For up to `targets` Gaussians.
+    /// Rearranges into up to `targets` Gaussians.
     pub fn new(context: &Context, targets: u32) -> Result<Self, GpuError> {
         Self::with(context, targets, Buffer::new(context, "gathered", targets as usize, Location::Device)?)
     }
 
-    /// The same, which puts what it moves into `gathered` for a moment, a quad for each Gaussian.
+    /// [`Rearrange::new`] with the caller's scratch buffer `gathered`, one quad per Gaussian.
     pub(super) fn with(context: &Context, targets: u32, gathered: Quads) -> Result<Self, GpuError> {
         Ok(Rearrange {
             gather: gather::Stage::new(context, &gather::Spec { workgroup_size: context.info().workgroup(WORKGROUP) })?,
@@ -752,8 +759,8 @@ impl Rearrange {
         })
     }
 
-    /// Gives the Gaussians of `segment` new numbers, and their planes in `others` (moments) with them. What does not fit is
-    /// reported in `status`, and the count kept within the room that there is.
+    /// Rearranges the Gaussians of `segment`, together with their planes in `others` (moments). A count
+    /// beyond the room is clamped and reported in `status`.
     pub fn record(
         &self,
         recorder: &mut Recorder,

@@ -1,4 +1,4 @@
-//! The sizes of everything that a run holds on the device, as data: known before anything is made, and printable.
+//! The plan of sizes: every buffer that a run makes on the device, known before it is made, and printable.
 
 use std::fmt;
 
@@ -7,37 +7,37 @@ use bytemuck::Pod;
 
 use crate::gpu::Buffer;
 
-/// One buffer.
+/// Size of one buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Planned {
     /// The buffer's debug name.
     pub name: &'static str,
-    /// How many there are.
+    /// Number of elements.
     pub elements: u64,
-    /// Bytes of each.
+    /// Bytes per element.
     pub element_bytes: u64,
 }
 
 impl Planned {
     /// Bytes of device memory.
     pub fn bytes(&self) -> u64 {
-        // A buffer has one element at least: Vulkan has no empty ones.
+        // At least one element: Vulkan has no empty buffers.
         self.elements.max(1).saturating_mul(self.element_bytes)
     }
 }
 
-/// Buffers that are made together.
+/// A list of buffers with their sizes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Plan(pub Vec<Planned>);
 
 /// Bytes of device memory.
 impl Plan {
-    /// Of all its buffers.
+    /// Total bytes of all its buffers.
     pub fn bytes(&self) -> u64 {
         self.0.iter().map(Planned::bytes).fold(0, u64::saturating_add)
     }
 
-    /// Both together.
+    /// Appends another plan.
     pub fn and(mut self, other: Plan) -> Plan {
         self.0.extend(other.0);
         self
@@ -60,12 +60,12 @@ impl fmt::Display for Plan {
     }
 }
 
-/// A buffer that is there: for whoever records commands of their own beside glint's. Whoever holds it keeps it alive.
+/// A live buffer, for callers that record their own commands next to glint's. The owner keeps it alive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Held {
     /// The buffer's debug name.
     pub name: &'static str,
-    /// Of usage storage, indirect and transfer both ways.
+    /// Has usage storage, indirect, and transfer in both directions.
     pub buffer: vk::Buffer,
     /// Bytes.
     pub bytes: u64,
@@ -77,8 +77,8 @@ impl Held {
     }
 }
 
-/// Declares a struct of device buffers with their sizes beside them: `plan` says them, `new` makes them, `remake` makes them
-/// anew one by one, so that beside what there is only one of them is ever held twice.
+/// Declares a struct of device buffers together with their sizes. `plan` returns the sizes and `new` makes
+/// the buffers. `remake` replaces them one by one, so that at most one is held twice at any time.
 macro_rules! buffers {
     ($(#[$meta:meta])* $vis:vis struct $Name:ident($options:ident: $Options:ty) {
         $($(#[$field_meta:meta])* $field_vis:vis $field:ident: $T:ty = $len:expr,)*
@@ -90,7 +90,7 @@ macro_rules! buffers {
 
         #[allow(dead_code, reason = "not every set is remade or printed")]
         impl $Name {
-            /// What the buffers take, without making them.
+            /// Sizes of the buffers, without making them.
             $vis fn plan($options: &$Options) -> $crate::pipelines::plan::Plan {
                 $crate::pipelines::plan::Plan(vec![$($crate::pipelines::plan::Planned {
                     name: stringify!($field),
@@ -99,7 +99,7 @@ macro_rules! buffers {
                 },)*])
             }
 
-            /// The buffers, in the plan's order.
+            /// Lists the buffers, in the plan's order.
             $vis fn held(&self) -> Vec<$crate::pipelines::plan::Held> {
                 vec![$($crate::pipelines::plan::Held::of(stringify!($field), &self.$field),)*]
             }
@@ -113,7 +113,8 @@ macro_rules! buffers {
                 })
             }
 
-            /// Makes them anew for other sizes, one after the other: contents are lost. After an error some are new and some old.
+            /// Replaces the buffers by ones of other sizes, one after the other; contents are lost. After an
+            /// error some are new and some old.
             $vis fn remake(&mut self, context: &$crate::gpu::Context, $options: &$Options) -> Result<(), $crate::gpu::GpuError> {
                 $(self.$field = $crate::gpu::Buffer::new(
                     context, stringify!($field), ($len) as usize, $crate::gpu::Location::Device,

@@ -1,7 +1,9 @@
-//! Residual pursuit (method, section 7): Gaussians, with lobes or plain, placed by what they gain in all training views at once.
+//! Residual pursuit (method, section 7): places Gaussians, with lobes or plain, by their gain in all training
+//! views at once.
 //!
-//! look (render, residual, pyramid of each view) → draw → (score → fit) for each chunk of candidates → rounds of (gain → claim → check
-//! → attenuate) → place → append. The host waits for nothing in between; how many were placed it learns at the end.
+//! look (render, residual, pyramid of each view) → draw → (score → fit) for each chunk of candidates → rounds
+//! of (gain → claim → check → attenuate) → place → append. The host does not wait in between; it reads the
+//! number of placed Gaussians at the end.
 
 use super::{
     lift::{Append, Lifts},
@@ -31,7 +33,7 @@ use crate::{
     },
 };
 
-/// What may be placed.
+/// Kinds of Gaussians that may be placed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Kinds {
     /// With a lobe or plain, whichever gains more.
@@ -43,38 +45,41 @@ pub enum Kinds {
     Plain,
 }
 
-/// How candidates are drawn, fitted and chosen (method, section 7).
+/// Options for drawing, fitting and choosing candidates (method, section 7).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PursuitOptions {
-    /// Candidates that are drawn for each Gaussian that may be placed.
+    /// Candidates to draw per Gaussian that may be placed.
     pub draws: u32,
-    /// Sizes that are tried: `first_size` times powers of `size_ratio`, px of the view that a candidate was drawn in.
+    /// Number of sizes to try: `first_size` times powers of `size_ratio`, px in the view that a candidate was
+    /// drawn in.
     pub sizes: u32,
     /// See `sizes`.
     pub first_size: f32,
     /// See `sizes`.
     pub size_ratio: f32,
-    /// Rounds of choosing, each of which takes all candidates that no overlapping one beats.
+    /// Rounds of choosing. Each takes all candidates that no overlapping candidate beats.
     pub rounds: u32,
-    /// Which Gaussians may be placed.
+    /// Kinds of Gaussians that may be placed.
     pub kinds: Kinds,
-    /// What the gain of a lobe counts where both kinds may be placed: what it gains by a hair over a plain Gaussian is noise.
+    /// Factor on the gain of a lobe if both kinds may be placed: a slightly higher gain than a plain
+    /// Gaussian's is noise.
     pub lobe_worth: f32,
-    /// Placements in all: the first before the joint phase, the others in its first half, each of what is lacking by then.
+    /// Number of placements: the first before the joint phase, the others in its first half, each from the
+    /// residual at that time.
     pub placements: u32,
-    /// Squared error, summed over pixels and channels of all views, that a Gaussian must gain.
+    /// Minimum gain of a Gaussian: squared error, summed over pixels and channels of all views.
     pub least_gain: f32,
-    /// How much less a candidate's gain in a view counts the more its colour comes from that view alone: 0 as it was fitted, 1 as the
-    /// other views predict it.
+    /// Reduces a candidate's gain in a view by the share of its colour that comes from that view alone: 0
+    /// keeps the fitted colour, 1 uses the colour predicted from the other views.
     pub caution: f32,
-    /// Standard errors, as the views by themselves tell them, that a gain counts less: what few views gain by, others need not.
+    /// Standard errors over the views to subtract from a gain, so that a gain in few views counts less.
     pub doubt: f32,
-    /// A supplementary Gaussian whose opacity ends below this in every view is taken away.
+    /// A supplementary Gaussian with a final opacity below this in every view is removed.
     pub least_opacity: f32,
-    /// Degree of the harmonics of Gaussians with lobes, at most the base's. Their lobes are what depends on the view: more bands gain
-    /// nothing on the whole (docs/experiments/2026-11-23-augmentation.md) and take three times the bytes.
+    /// Degree of the harmonics of Gaussians with lobes, at most the base's. Their lobes already depend on the
+    /// view: more bands gain nothing on the whole (docs/results.md) and take three times the bytes.
     pub lobe_degree: u32,
-    /// Texels of a page at most; `None` for as many as the device binds at once.
+    /// Maximum number of texels per page; `None` for the device's limit.
     pub page: Option<u32>,
 }
 
@@ -99,21 +104,22 @@ impl Default for PursuitOptions {
     }
 }
 
-/// What was placed.
+/// Result of a placement.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Placed {
-    /// In the order of falling gain; `lobe_width` 0: plain, in the base; `cluster_size` 0: none.
+    /// Placed Gaussians in order of falling gain. `lobe_width` 0: plain, in the base; `cluster_size` 0: an
+    /// empty entry.
     pub lifts: Vec<Lift>,
-    /// Of these, those that have a lobe.
+    /// Number with a lobe.
     pub lobes: u32,
-    /// Of these, those for the base.
+    /// Number without, in the base.
     pub plain: u32,
-    /// By rank: fall of the squared error, summed over pixels and channels of all views, that each was expected to bring.
+    /// By rank: expected fall of the squared error, summed over pixels and channels of all views.
     pub gains: Vec<f32>,
 }
 
 impl Placed {
-    /// Gaussians.
+    /// Number of placed Gaussians.
     pub fn count(&self) -> u32 {
         self.lobes + self.plain
     }
@@ -129,14 +135,14 @@ const PLACED: u32 = 5;
 const SPENT: u32 = 6;
 const COUNTS: usize = 7;
 
-/// Steps in one submission.
+/// Steps per submission.
 const STEPS_PER_SUBMISSION: u32 = 8;
-/// Bytes of a word, in which budgets are counted.
+/// Bytes per word; budgets count words.
 const WORD: u64 = 4;
-/// Bytes of sums that a chunk of candidates may take.
+/// Maximum bytes of sums for a chunk of candidates.
 const CHUNK_BYTES: u64 = 128 << 20;
 
-/// Views whose pyramids lie in the same buffers.
+/// Views that share one set of buffers for their pyramids.
 pub(crate) struct Page {
     pub(crate) views: std::ops::Range<u32>,
     pub(crate) blocks: std::ops::Range<u32>,
@@ -158,12 +164,12 @@ pub(crate) struct Sizes {
 
 buffers! {
     pub(crate) struct Work(o: Sizes) {
-        /// Unblurred texels of one view.
+        /// Texels of one view before blurring.
         pub(crate) raw_texels: Texel = o.pixels,
         pub(crate) counts: u32 = COUNTS,
         pub(crate) args: u32 = 9,
         pub(crate) error_sums: f32 = o.blocks,
-        /// Squared error over channels, of each block.
+        /// Squared error, summed over channels, of each block.
         pub(crate) squares: f32 = o.blocks,
         pub(crate) quanta: u32 = o.blocks,
         pub(crate) quanta_firsts: u32 = o.blocks,
@@ -171,11 +177,11 @@ buffers! {
         pub(crate) candidates: Candidate = o.candidates,
         pub(crate) fits: Fit = o.candidates,
         pub(crate) prices: u32 = o.candidates,
-        /// By rank: prices of what gains more.
+        /// By rank: total price of the candidates with a higher gain.
         pub(crate) spent: u32 = o.candidates,
         pub(crate) sums: f32 = o.chunk_items as usize * (WIDTHS * SUMS) as usize,
         pub(crate) gains: f32 = o.candidates,
-        /// Of gains in each view.
+        /// Squares of the gains in each view.
         pub(crate) gain_squares: f32 = o.candidates,
         pub(crate) beaten: u32 = o.candidates,
         pub(crate) gain_keys: u32 = o.candidates,
@@ -192,45 +198,46 @@ buffers! {
     }
 }
 
-/// What is being done.
+/// Current phase of a placement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Job {
-    /// Every view is rendered and its pyramid made.
+    /// Render every view and make its pyramid.
     Look,
     Choose,
     Done,
 }
 
-/// How far a placement is.
+/// Progress of a placement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Views looked at, chunks scored and rounds chosen so far.
+    /// Views rendered, chunks scored and rounds finished so far.
     pub step: u32,
-    /// Of all.
+    /// Total number of these steps.
     pub steps: u32,
 }
 
-/// A placement on its way.
+/// A running placement.
 pub struct Pursuit {
     pub(crate) placer: Placer,
     steps: Steps,
     job: Job,
 }
 
-/// Everything that a placement needs, made once.
+/// Pipelines and buffers of a placement, made once.
 pub(crate) struct Placer {
     context: Context,
     options: PursuitOptions,
     background: [f32; 3],
     seed: u32,
-    /// Gaussians that there is room for, and that may be placed now.
+    /// Maximum number of Gaussians: that fit, and that may be placed now.
     most: u32,
     limit: u32,
-    /// Words that a Gaussian with a lobe and a plain one take of a budget, and those that may be spent now; [`NONE`]: any.
+    /// Prices in words, of a Gaussian with a lobe and of a plain one, and the budget for now; [`NONE`]:
+    /// unlimited.
     pub(crate) prices: [u32; 2],
     budget: u32,
     pub(crate) candidates: u32,
-    /// Candidates of a chunk.
+    /// Candidates per chunk.
     chunk: u32,
     pub(crate) worth: [f32; 2],
     pub(crate) plots: Buffer<Plot>,
@@ -253,7 +260,7 @@ struct Stages {
     claim: [pursuit_claim::Stage; 2],
     attenuate: pursuit_attenuate::Stage,
     sort: RadixSort,
-    /// Of prices, in the order of gain.
+    /// Scan of prices, in the order of gain.
     spend: Scan,
     place: pursuit_place::Stage,
     append: Append,
@@ -264,7 +271,7 @@ impl Stages {
         let workgroup_size = WORKGROUP;
         let blur = |halve| pursuit_blur::Stage::new(context, &pursuit_blur::Spec { workgroup_size, halve });
         let claim = |check| pursuit_claim::Stage::new(context, &pursuit_claim::Spec { workgroup_size, check });
-        // One workgroup sums over everything: as many threads as a spine has.
+        // A single workgroup sums over everything, with as many threads as a spine.
         let most = context.info().max_workgroup;
         let quanta = pursuit_quanta::Spec { workgroup_size: context.info().workgroup(256).min(most) };
         Ok(Stages {
@@ -287,7 +294,7 @@ impl Stages {
     }
 }
 
-/// Where level k of a view lies: first texel, width, height.
+/// Position of level k of a view: first texel, width, height.
 pub(crate) fn level_of(plot: &Plot, width: u32, height: u32, k: u32) -> [u32; 3] {
     let mut level = [plot.texel_first, width, height];
     for j in 1..=k {
@@ -299,10 +306,10 @@ pub(crate) fn level_of(plot: &Plot, width: u32, height: u32, k: u32) -> [u32; 3]
 }
 
 impl Pursuit {
-    /// For at most `most` Gaussians, over all of `views`, which have photographs. Waits.
+    /// Places at most `most` Gaussians, over all of `views`, whose photographs must be uploaded. Waits.
     ///
     /// # Errors
-    /// What the device lacks; [`Error::Usage`] for more views or pixels than can be counted.
+    /// Errors of the device; [`Error::Usage`] for more views or pixels than 32 bits can count.
     pub fn new(session: &Session, views: &Views, most: u32, options: PursuitOptions) -> Result<Self> {
         let context = &session.context;
         let bound = context.info().max_storage_bytes;
@@ -346,7 +353,7 @@ impl Pursuit {
         }
         let blocks = u32::try_from(blocks).map_err(|_| too_many())?;
         pages.push(make(begin.0 as u32..views.cameras.len() as u32, begin.1..blocks, texels, pixels, cells)?);
-        // As many candidates as a sort of them can hold.
+        // As many candidates as one sort can hold.
         let largest = (bound / size_of::<Candidate>() as u64).min(1 << 26) as u32;
         let candidates = most.saturating_mul(options.draws).clamp(1, largest);
         let item_bytes = 4 * u64::from(WIDTHS * SUMS * options.sizes.max(1));
@@ -384,8 +391,8 @@ impl Pursuit {
         Ok(Pursuit { placer, steps: Steps::new(context, STEPS_PER_SUBMISSION)?, job: Job::Done })
     }
 
-    /// Gaussians take bytes from now on, so many with a lobe and so many without: whichever gains more for them is chosen, and
-    /// [`Pursuit::start_within`] may say how many are spent.
+    /// Sets the price of a Gaussian, in bytes, with a lobe and without. The kind with the higher gain per
+    /// byte is then chosen, and [`Pursuit::start_within`] may limit the total.
     pub fn charge(&mut self, [lobe, plain]: [u64; 2]) {
         let p = &mut self.placer;
         p.prices = [lobe, plain].map(|bytes| u32::try_from(bytes.div_ceil(WORD)).unwrap_or(NONE));
@@ -394,12 +401,12 @@ impl Pursuit {
         }
     }
 
-    /// Begins; at most `most` Gaussians will be placed, and no more than it was made for. Waits.
+    /// Starts a placement of at most `most` Gaussians, and no more than it was made for. Waits.
     pub fn start(&mut self, most: u32) -> Result<()> {
         self.start_within(most, None)
     }
 
-    /// The same with at most so many bytes, as [`Pursuit::charge`] has them.
+    /// [`Pursuit::start`] with a limit on the total price in bytes, see [`Pursuit::charge`].
     pub fn start_within(&mut self, most: u32, bytes: Option<u64>) -> Result<()> {
         self.placer.limit = most;
         self.placer.budget = bytes.map_or(NONE, |bytes| u32::try_from(bytes / WORD).unwrap_or(NONE));
@@ -409,8 +416,8 @@ impl Pursuit {
         self.steps.start(p.plot_list.len() as u32, false)
     }
 
-    /// Goes on until some steps are done; `None` once the Gaussians are in `model`, whose room must suffice. `renderer` must have been
-    /// made with depth, for all of `model`.
+    /// Runs until some steps are done; `None` once the Gaussians are in `model`, whose room must suffice.
+    /// `renderer` must have depth and room for all of `model`.
     pub fn advance(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Option<Progress>> {
         let placer = &self.placer;
         let looks = placer.plot_list.len() as u32;
@@ -432,24 +439,24 @@ impl Pursuit {
         }
     }
 
-    /// Squared error over pixels and channels of all views that were looked at last. Waits.
+    /// Squared error over pixels and channels of all views, as last rendered. Waits.
     pub fn squared_error(&self) -> Result<f64> {
         Ok(self.placer.work.squares.download()?.into_iter().map(f64::from).sum())
     }
 
-    /// The same of `model`, instead of placing anything. Waits.
+    /// Squared error of `model` over pixels and channels of all views; places nothing. Waits.
     pub fn measure(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<f64> {
         let placer = &self.placer;
         self.steps.run(placer.plot_list.len() as u32, false, &mut Look { placer, renderer, model, views }, |_| ())?;
         self.squared_error()
     }
 
-    /// Whether all views have been looked at and nothing was chosen yet.
+    /// Whether all views have been rendered and nothing was chosen yet.
     pub fn has_looked(&self, progress: Progress) -> bool {
         progress.step == self.placer.plot_list.len() as u32
     }
 
-    /// Squared error that each Gaussian must gain from now on.
+    /// Sets the minimum gain of a Gaussian in squared error.
     pub fn demand(&mut self, least_gain: f32) {
         self.placer.options.least_gain = least_gain;
     }
@@ -459,7 +466,7 @@ impl Pursuit {
         self.placer.options.least_gain
     }
 
-    /// What was chosen, placed or not. Waits.
+    /// The chosen candidates, placed or not. Waits.
     pub fn choice(&self) -> Result<Choice> {
         let p = &self.placer;
         let sorted = p.pairs()[p.stages.sort.last_pair()];
@@ -468,7 +475,7 @@ impl Pursuit {
         let fits = p.work.fits.download()?;
         let one = |(key, i): (u32, u32)| {
             let (gain, fit) = (f32::from_bits(!key), fits.get(i as usize).copied().unwrap_or_default());
-            // What overlaps and what one view alone backs takes as large a part of both.
+            // Overlap and caution reduce both gains in the same proportion.
             let plain = if fit.gain > 0.0 { gain * fit.plain / fit.gain } else { 0.0 };
             Chosen { gain, lobe: fit.width > 0.0, plain }
         };
@@ -476,7 +483,7 @@ impl Pursuit {
         Ok(Choice { chosen, drawn: p.candidates, squared_error: self.squared_error()? })
     }
 
-    /// What was placed. Waits.
+    /// The placed Gaussians. Waits.
     pub fn placed(&self) -> Result<Placed> {
         let p = &self.placer;
         let lifts: Vec<Lift> = p.work.lifts.download()?.into_iter().take_while(|lift| lift.cluster_size > 0).collect();
@@ -492,7 +499,7 @@ impl Placer {
         self.pages.last().map_or(0, |page| page.blocks.end)
     }
 
-    /// Steps of choosing: one to draw, one for each chunk, the rounds, one to place.
+    /// Number of choosing steps: one to draw, one per chunk, the rounds, one to place.
     fn choices(&self) -> u32 {
         2 + self.candidates.div_ceil(self.chunk) + self.options.rounds
     }
@@ -516,7 +523,7 @@ impl Placer {
         self.record_pyramid(recorder, views, view, &renderer.raster.buffers.image, &renderer.depths)
     }
 
-    /// The residual of a view that was rendered, and its pyramid.
+    /// Records the residual of a rendered view, and its pyramid.
     pub(crate) fn record_pyramid(
         &self,
         recorder: &mut Recorder,
@@ -559,7 +566,7 @@ impl Placer {
                 width: to[1],
                 height: to[2],
             };
-            // A level is made from the one below, in the same buffer.
+            // Each level is made from the one below, in the same buffer.
             let from_texels = if k == 0 { &w.raw_texels } else { &page.texels };
             let buffers = pursuit_blur::Buffers { from_texels, texels: &page.texels };
             self.stages.blur[usize::from(k > 0)].record(recorder, &buffers, &push, to[1] * to[2]);
@@ -758,7 +765,7 @@ impl Placer {
         }
     }
 
-    /// [`NONE`]: any budget.
+    /// `budget` is in words; [`NONE`]: unlimited.
     pub(crate) fn record_place(&self, recorder: &mut Recorder, budget: u32) {
         let (w, s) = (&self.work, &self.stages);
         let [first, second] = self.pairs();

@@ -1,6 +1,6 @@
-//! From splats to pixels and back: depth order, tile lists, blending and its gradient.
+//! Rasterises splats: depth order, tile lists, blending and its gradient.
 //!
-//! Splats come from a projection stage (`project` for scenes, `screen_project` for the screen phase), which fills `splats`,
+//! Splats come from a projection stage (`project` for scenes, `screen_project` for the screen phase). It fills `splats`,
 //! `depth_keys` and `tile_counts`. One frame or many are rasterised by the same dispatches.
 
 mod memory;
@@ -24,20 +24,22 @@ use crate::{
     },
 };
 
-/// How the gradient records of a Gaussian's intersections are added up.
+/// Method of accumulating the gradient records of a Gaussian's intersections.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Reduction {
-    /// [`Reduction::Deterministic`] while its records fit the device; from then on [`Reduction::Atomic`], if the device can.
+    /// [`Reduction::Deterministic`] while its records fit the device, then [`Reduction::Atomic`] if
+    /// supported.
     #[default]
     Auto,
-    /// In a fixed order, the same bits every run. Takes 36 bytes for each intersection, or 16 packed, some of which sorting uses before.
+    /// In a fixed order, with the same bits every run. Takes 36 bytes per intersection, or 16 if packed;
+    /// sorting reuses a part of it.
     Deterministic,
-    /// By float atomics in any order. Takes 36 bytes for each Gaussian.
+    /// By float atomics in any order. Takes 36 bytes per Gaussian.
     Atomic,
 }
 
 impl Reduction {
-    /// Those that a device can do, as they are named.
+    /// The reductions that a device supports, without `Auto`.
     pub fn offered(context: &Context) -> Vec<Reduction> {
         let mut all = vec![Reduction::Deterministic];
         if context.info().float_atomics {
@@ -47,35 +49,36 @@ impl Reduction {
     }
 }
 
-/// How a subgroup covers a tile; see `glsl/shared/tile.glsl` for what must hold.
+/// Shape of a tile, and the pixels of each lane of its subgroup; see `glsl/shared/tile.glsl` for the
+/// constraints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileShape {
     /// Pixels.
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// Pixels of a lane.
+    /// Pixels per lane.
     pub pixels: u32,
 }
 
 impl TileShape {
-    /// 8×8 for subgroups of 8 and 16 lanes, 8×16 for 32 and 64: a tile is one subgroup's work, and the cost of handing a
-    /// splat round is shared by as many pixels as keep the list short.
+    /// 8×8 for subgroups of 8 and 16 lanes, 8×16 for 32 and 64. One subgroup covers a tile: large enough to
+    /// share the cost of broadcasting a splat, small enough to keep tile lists short.
     pub fn for_subgroup(lanes: u32) -> Self {
         let height = if lanes <= 16 { 8 } else { 16 };
         TileShape { width: 8, height, pixels: 8 * height / lanes }
     }
 
-    /// Tiles of `width` × `height` pixels, where a subgroup of `lanes` lanes can cover them.
+    /// Tiles of `width` × `height` pixels; `None` if a subgroup of `lanes` lanes cannot cover them.
     pub fn new(width: u32, height: u32, lanes: u32) -> Option<Self> {
         let area = width.checked_mul(height)?;
         let fits = width > 0 && lanes.is_multiple_of(width) && area > 0 && area.is_multiple_of(lanes);
-        // The pixels of a lane that are not finished are the bits of a word.
+        // The unfinished pixels of a lane are bits of one word.
         // guard: tiles that a subgroup covers
         (fits && area / lanes <= 32).then(|| TileShape { width, height, pixels: area / lanes })
     }
 
-    /// The usual ones of those that subgroups of so many lanes can cover.
+    /// The common shapes that a subgroup of `lanes` lanes can cover.
     pub fn choices(lanes: u32) -> Vec<Self> {
         [(8, 8), (8, 16), (16, 16)].into_iter().filter_map(|(width, height)| Self::new(width, height, lanes)).collect()
     }
@@ -87,7 +90,7 @@ impl std::fmt::Display for TileShape {
     }
 }
 
-/// The tiles of a batch of frames: each frame has the same grid, that of the largest.
+/// The tiles of a batch of frames: every frame has the grid of the largest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Grid {
     /// Index of the first frame in `frames`.
@@ -101,12 +104,12 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// For frames of at most `width` × `height` pixels.
+    /// Grid of frames of at most `width` × `height` pixels.
     pub fn new(tile: TileShape, frame_first: u32, frame_count: u32, width: u32, height: u32) -> Self {
         Grid { frame_first, frame_count, tiles_x: width.div_ceil(tile.width), tiles_y: height.div_ceil(tile.height) }
     }
 
-    /// Tiles of the largest frame, which every frame has numbers for.
+    /// Tiles of the largest frame; every frame has this number.
     pub fn tiles_per_frame(&self) -> u32 {
         self.tiles_x * self.tiles_y
     }
@@ -126,9 +129,9 @@ const ISECTS_SORTED: u32 = 3;
 const VISIBLE_BLOCKS: u32 = 0;
 const VISIBLE_THREADS: u32 = 1;
 const ISECT_BLOCKS: u32 = 2;
-/// Where tiles are listed, the blend and its backward pass over these.
+/// Blend and its backward pass over listed tiles, for a batch.
 const LISTED_TILES: u32 = 3;
-/// The blend's backward pass: of gradients, and of scores where these are asked for.
+/// The blend's backward pass: of gradients, and optionally of scores.
 enum Backward {
     /// Records by intersection slot.
     Deterministic(blend_backward::Stage, Option<blend_backward::Stage>),
@@ -137,7 +140,7 @@ enum Backward {
 }
 
 impl Backward {
-    /// With the records' buffers.
+    /// Makes the stages with the records' buffers.
     fn new(context: &Context, options: &RasterOptions, tile: TileShape) -> Result<(Self, Records), GpuError> {
         let deterministic = || {
             let records = Records::new(context, options)?;
@@ -209,10 +212,10 @@ impl Backward {
     }
 }
 
-/// How many splats there are: word `index` of `count` on the device, and the dispatch over their blocks.
+/// Number of splats: word `index` of `count` on the device, with a dispatch over them.
 #[derive(Clone, Copy)]
 pub struct SplatCount<'a> {
-    /// Word `index` is how many splats there are.
+    /// Word `index` is the number of splats.
     pub count: &'a Buffer<u32>,
     /// See `count`.
     pub index: u32,
@@ -222,7 +225,7 @@ pub struct SplatCount<'a> {
     pub dispatch: u32,
 }
 
-/// Lists for each splat, in memory that a frame needs and nothing between frames.
+/// Lists by splat in memory that only frames use, free between frames.
 #[cfg(feature = "train")]
 pub(super) struct Between {
     pub quads: Buffer<[f32; 4]>,
@@ -233,14 +236,14 @@ pub(super) struct Between {
 pub struct Raster {
     context: Context,
     options: RasterOptions,
-    /// What a subgroup covers.
+    /// Tile shape.
     pub tile: TileShape,
-    /// By Gaussian, by tile and by pixel; what is by intersection is apart and can grow.
+    /// Buffers by Gaussian, by tile and by pixel. Those by intersection are separate and can grow.
     pub buffers: RasterBuffers,
     isects: Isects,
     sorting: Sorting,
     by_depth: DepthSorting,
-    /// Where gradients are asked for; by Gaussian where [`Raster::by_gaussian`].
+    /// Gradient records; by Gaussian if [`Raster::by_gaussian`].
     pub records: Records,
     depth_sort: RadixSort,
     tile_sort: RadixSort,
@@ -253,8 +256,8 @@ pub struct Raster {
     unused: Unused,
 }
 
-/// Whether blending and its backward pass take a subgroup's splats in one piece of code; what a branch sets costs a CPU more than what
-/// it computes.
+/// Whether blending and its backward pass unroll the loop over a subgroup's splats: on a CPU, branches cost
+/// more than the computation.
 fn unrolled(info: &DeviceInfo) -> bool {
     info.constant_lanes().is_some()
 }
@@ -263,7 +266,8 @@ impl Raster {
     /// Makes the pipelines and buffers.
     ///
     /// # Errors
-    /// [`GpuError::BufferTooLarge`] and [`GpuError::OverBudget`], see [`GpuError::is_no_room`], and those of Vulkan.
+    /// [`GpuError::BufferTooLarge`] and [`GpuError::OverBudget`], see [`GpuError::is_no_room`], and errors of
+    /// Vulkan.
     pub fn new(context: &Context, options: RasterOptions) -> Result<Self, GpuError> {
         let tile = options.policy.tile(context.info());
         let TileShape { width: tile_width, height: tile_height, pixels: lane_pixels } = tile;
@@ -337,7 +341,7 @@ impl Raster {
         }
     }
 
-    /// What a raster of these options holds, its records by intersection.
+    /// Buffers of a raster with these options, with records by intersection.
     pub fn plan(options: &RasterOptions) -> Plan {
         let own = RasterBuffers::plan(options).and(Isects::plan(options));
         match (options.backward, options.policy.reduction) {
@@ -347,7 +351,7 @@ impl Raster {
         }
     }
 
-    /// All its buffers, but for gradient records and for what lies in the memory of others.
+    /// Lists all buffers except gradient records and those that alias others.
     pub fn held(&self) -> Vec<Held> {
         [self.buffers.held(), self.isects.held(), self.sorting.held()].concat()
     }
@@ -357,15 +361,15 @@ impl Raster {
         &self.context
     }
 
-    /// Intersections that fit.
+    /// Number of intersections that fit.
     pub fn capacity(&self) -> u32 {
         self.options.isects
     }
 
-    /// Whether there is room for a frame of so many splats and pixels; intersections are the device's to count.
+    /// Checks the room for a frame's splats and pixels; the device checks intersections.
     ///
     /// # Errors
-    /// [`Error::Usage`] where there is not.
+    /// [`Error::Usage`] if they do not fit.
     pub(super) fn check(&self, splats: u32, width: u32, height: u32) -> Result<()> {
         let RasterOptions { splats: most_splats, pixels: most_pixels, tiles: most_tiles, .. } = self.options;
         let tiles = u64::from(width.div_ceil(self.tile.width)) * u64::from(height.div_ceil(self.tile.height));
@@ -381,13 +385,14 @@ impl Raster {
         Ok(())
     }
 
-    /// What is by splat serves a frame alone: between frames its memory is for other lists, by splat too. Of a raster with a backward pass.
+    /// Lists by splat are free between frames, so other lists reuse their memory. For a raster with a
+    /// backward pass.
     #[cfg(feature = "train")]
     pub(super) fn between_frames(&self) -> Result<Between, GpuError> {
         let (context, f, len) = (&self.context, &self.buffers, self.options.splats as usize);
         let each = LIST_BYTES * u64::from(self.options.splat_room());
         let word = |k: usize| match k {
-            // Behind the quads.
+            // After the quads.
             0 | 1 => Buffer::over(context, "between", &f.splats, (4 + k as u64) * each, len),
             2..5 => Buffer::over(context, "between", &f.splat_colours, (k as u64 - 2) * each, len),
             5 => Buffer::over(context, "between", &f.depth_keys, 0, len),
@@ -400,7 +405,7 @@ impl Raster {
         Ok(Between { quads: Buffer::over(context, "between", &f.splats, 0, len)?, words })
     }
 
-    /// The stage that makes gradient records, if there is one.
+    /// Name of the stage that makes gradient records, if any.
     pub fn backward_stage(&self) -> Option<&'static str> {
         self.backward.as_ref().map(|backward| match backward {
             Backward::Deterministic(..) => blend_backward::Kernel::NAME,
@@ -408,17 +413,17 @@ impl Raster {
         })
     }
 
-    /// Records are by Gaussian, added up by atomics.
+    /// Whether records are by Gaussian, accumulated by atomics.
     pub fn by_gaussian(&self) -> bool {
         matches!(self.backward, Some(Backward::Atomic(..)))
     }
 
-    /// Records are by intersection and packed.
+    /// Whether records are by intersection and packed.
     pub fn packs_records(&self) -> bool {
         self.options.packed() && matches!(self.backward, Some(Backward::Deterministic(..)))
     }
 
-    /// From now on [`Raster::record_scores`] does something.
+    /// Makes the stages for [`Raster::record_scores`].
     pub fn make_scores(&mut self) -> Result<(), GpuError> {
         self.options.scores = true;
         let Some(backward) = &self.backward else { return Ok(()) };
@@ -427,8 +432,8 @@ impl Raster {
         Ok(())
     }
 
-    /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare: as far as the device binds that much
-    /// and has the memory. Nothing of this raster may be in flight.
+    /// Makes room for at least `needed` intersections, and a quarter more so that growth is rare, within the
+    /// device's limits. Nothing of this raster may be in flight.
     pub fn grow(&mut self, needed: u32) -> Result<(), GpuError> {
         let (before, room) = (self.options.isects, self.room_for(needed));
         match self.grow_to(room) {
@@ -439,7 +444,7 @@ impl Raster {
 
     fn room_for(&self, needed: u32) -> u32 {
         let most = |bytes| RasterOptions::most_isects(self.context.info(), bytes);
-        // What is added up in a fixed order stays so while it can.
+        // Keep the deterministic reduction while its records fit.
         let most = match self.options.backward && needed <= most(self.options.record_bytes()) {
             true => most(self.options.record_bytes()),
             false => most(LIST_BYTES),
@@ -448,15 +453,16 @@ impl Raster {
         needed.saturating_add(needed / 4).min(most).max(needed)
     }
 
-    /// Room for so many intersections, no more.
+    /// Makes room for exactly `isects` intersections.
     fn grow_to(&mut self, isects: u32) -> Result<(), GpuError> {
         let before = self.options.isects;
         self.options.isects = isects;
-        // What lies in old lists would keep their memory.
+        // Lists that alias old buffers would keep their memory alive.
         self.by_depth = DepthSorting::none(&self.unused);
         let grown = self.remake();
         if grown.is_err() {
-            // Lists that are new have at least the old room; records made way and come back, or nothing fits from now on.
+            // New lists have at least the old room. Records that made way are made again; if that fails, no
+            // intersection fits any more.
             self.options.isects = before;
             let made_way = self.records.len() < before as usize;
             if let (Some(Backward::Deterministic(..)), true) = (&self.backward, made_way) {
@@ -477,7 +483,8 @@ impl Raster {
         grown
     }
 
-    /// The same of `needed` that fit, so that more will: gradients that are added up in a fixed order stay so, or it is an error.
+    /// [`Raster::grow`] ahead of time, for `needed` intersections that still fit. An error if it would give
+    /// up the deterministic reduction.
     pub fn grow_early(&mut self, needed: u32) -> Result<(), GpuError> {
         let reduction = mem::replace(&mut self.options.policy.reduction, Reduction::Deterministic);
         let grown = self.grow(needed);
@@ -485,12 +492,12 @@ impl Raster {
         grown
     }
 
-    /// Everything by intersection, buffer by buffer: never more than the old ones and one new one are held.
+    /// Replaces all buffers by intersection, one by one: at most one is held twice at any time.
     fn remake(&mut self) -> Result<(), GpuError> {
         let (context, options) = (&self.context, &self.options);
         self.isects.remake(context, options)?;
         let Some(Backward::Deterministic(..)) = self.backward else { return self.sorting.remake(context, options) };
-        // What there was makes room for what comes.
+        // Free the old buffers first.
         self.sorting = Sorting::none(&self.unused);
         self.records = Records::new(context, &RasterOptions { backward: false, ..*options })?;
         let (stage, records) = Backward::new(context, options, self.tile)?;
@@ -502,13 +509,14 @@ impl Raster {
         Ok(())
     }
 
-    /// The grid of one frame, or of several of the same largest size.
+    /// Grid of one frame, or of several with the same maximum size.
     pub fn grid(&self, frame_first: u32, frame_count: u32, width: u32, height: u32) -> Grid {
         Grid::new(self.tile, frame_first, frame_count, width, height)
     }
 
-    /// Sorts the splats by depth, lists their tiles and sorts the list by tile, front to back in each. Raises `status` where the
-    /// intersections do not fit. `splat_frames` is for a batch raster. What projection left in [`Raster::depth_keys`] may be gone then.
+    /// Sorts the splats by depth, lists their tiles, and sorts the list by tile, front to back in each.
+    /// Raises `status` if the intersections do not fit. `splat_frames` is for a batch raster. May overwrite
+    /// [`Raster::depth_keys`].
     pub fn record_order(
         &self,
         recorder: &mut Recorder,
@@ -522,7 +530,7 @@ impl Raster {
         let (f, isects, sorting, capacity) = (&self.buffers, &self.isects, &self.sorting, self.options.isects);
         let d = &self.by_depth;
         let (Some(depth_keys), 1..) = (self.depth_keys(), capacity) else {
-            // Growing has failed, and what there was could not be had again.
+            // Growing has failed, and the old buffers could not be made again.
             recorder.fill(&f.tile_ranges, 0);
             return;
         };
@@ -556,13 +564,13 @@ impl Raster {
         );
         self.args_for(recorder, status, ISECTS, capacity, per_block, ISECT_BLOCKS);
 
-        // The last pass writes where sorting ends.
+        // The last pass must write to `isect_slots`.
         let values = match self.tile_sort.last_pair() {
             0 => [&isects.isect_slots, &sorting.isect_slots_1],
             _ => [&sorting.isect_slots_1, &isects.isect_slots],
         };
         let no_frames = self.unused.of();
-        // Nothing begins yet.
+        // Clear the marks of the slots' first entries.
         recorder.fill(&isects.rank_blocks, 0);
         self.emit.record_indirect(
             recorder,
@@ -604,7 +612,7 @@ impl Raster {
         self.record_ranges(recorder, by_tile.keys, grid, status);
     }
 
-    /// Where each tile's intersections begin and end, and of a batch which tiles there are.
+    /// Finds the range of each tile's intersections, and for a batch the list of tiles to blend.
     fn record_ranges(&self, recorder: &mut Recorder, sorted_tiles: &Buffer<u32>, grid: &Grid, status: &Buffer<u32>) {
         let f = &self.buffers;
         if self.options.batch {
@@ -630,7 +638,7 @@ impl Raster {
             let buffers = dispatch_args::Buffers { count: &f.tile_list_count, dispatch_args: &f.args, status };
             let push = dispatch_args::Push {
                 count_index: 0,
-                // The list holds every tile.
+                // The list has room for every tile.
                 capacity: u32::MAX,
                 items_per_group: tiles_per_group,
                 args_index: 3 * LISTED_TILES,
@@ -640,12 +648,12 @@ impl Raster {
         }
     }
 
-    /// Of a batch: what `image` holds is not what [`Raster::record_blend`] made of `backdrop` and the splats, so all tiles are next.
+    /// For a batch: declares `image` stale, so that the next blend covers all tiles.
     pub fn record_forget(&self, recorder: &mut Recorder) {
         recorder.fill(&self.buffers.tile_drawn, 1);
     }
 
-    /// Blends the ordered splats into `image`; also `median_ids` where that was asked for.
+    /// Blends the ordered splats into `image`, and finds `median_ids` if enabled.
     pub fn record_blend(
         &self,
         recorder: &mut Recorder,
@@ -657,7 +665,8 @@ impl Raster {
         self.record_blend_occluded(recorder, grid, frames, background, median_threshold, [0.0, 1.0]);
     }
 
-    /// The same, where a raster that was made `occluded` has depths of the form `depth_form` in `scene_depths`.
+    /// [`Raster::record_blend`] with occlusion by `scene_depths`, whose values have the form `depth_form`.
+    /// For a raster made `occluded`.
     pub fn record_blend_occluded(
         &self,
         recorder: &mut Recorder,
@@ -697,7 +706,7 @@ impl Raster {
         self.over_tiles(recorder, &self.blend, &buffers, &push, grid);
     }
 
-    /// Over all tiles, or of a batch over those that are listed.
+    /// Dispatches over all tiles, or over the listed ones for a batch.
     fn over_tiles<K: Kernel>(
         &self,
         recorder: &mut Recorder,
@@ -712,8 +721,8 @@ impl Raster {
         }
     }
 
-    /// Turns `image_grad` into gradient records. Gaussians of the first `frozen` segments get the gradient of their opacity only;
-    /// `population` says where segments begin.
+    /// Turns `image_grad` into gradient records. Gaussians of the first `frozen` segments only get the
+    /// gradient of their opacity; `population` has the segments' ranges.
     pub fn record_blend_backward(
         &self,
         recorder: &mut Recorder,
@@ -725,8 +734,8 @@ impl Raster {
         self.record_backward(recorder, grid, frames, population, frozen, false);
     }
 
-    /// Sums the first two parts of `image_grad` by blend weight, as `density_image` makes them, into the records' colours. Once
-    /// [`Raster::make_scores`] was called.
+    /// Sums the first two channels of `image_grad`, made by `density_image`, into the records' colours by
+    /// blend weight. Requires [`Raster::make_scores`].
     pub fn record_scores(
         &self,
         recorder: &mut Recorder,
@@ -753,7 +762,7 @@ impl Raster {
         let Records { record_centres, record_shapes, record_colours, record_words } = &self.records;
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
-        // What no pixel blends has no gradient: most of a long list that is opaque in front.
+        // Splats that no pixel blends have no gradient: most of a long list behind an opaque front.
         // guard: sums begin at 0 (9 lines)
         if self.packs_records() {
             recorder.fill(record_words, 0);
@@ -813,9 +822,9 @@ impl Raster {
         }
     }
 
-    /// Bits of camera z by Gaussian index, [`NONE`](crate::stages::constants::constants::NONE) for what is not in the view: what a
-    /// projection fills before [`Raster::record_order`], which leaves them only where gradients or occlusion need them. `None` where
-    /// growing has failed and left no lists: then nothing is projected.
+    /// Bits of camera z by Gaussian index, [`NONE`](crate::stages::constants::constants::NONE) if not in the
+    /// view. A projection fills them before [`Raster::record_order`], which keeps them only for gradients or
+    /// occlusion. `None` if a failed growth left no lists: then nothing is projected.
     pub fn depth_keys(&self) -> Option<&Buffer<u32>> {
         match self.options.keeps_depths() {
             true => Some(&self.buffers.depth_keys),
@@ -839,7 +848,7 @@ impl Raster {
     ) {
         let resource_index = match count_index {
             ISECTS => Resource::Intersections.index(),
-            // There is a place for each splat.
+            // Every splat has a place.
             _ => NO_RESOURCE,
         };
         self.dispatch_args.record(

@@ -1,4 +1,4 @@
-//! Renders a scene from one of a set of cameras: project → order → blend, and the median depth where it is asked for.
+//! Renders a scene from one of a set of cameras: project → order → blend, and optionally the median depth.
 
 use std::collections::BTreeSet;
 
@@ -19,30 +19,30 @@ use crate::{
     },
 };
 
-/// Intersections for which there is room at first, for each Gaussian that is there and at least; more are made room for when a view needs
-/// them. Scenes of the usual trainers have 2 to 6 tiles for each visible Gaussian.
+/// Initial room for intersections, per Gaussian and in total; it grows if a view needs more. Scenes of the
+/// usual trainers have 2 to 6 tiles per visible Gaussian.
 const ISECTS_PER_GAUSSIAN: u32 = 4;
 const MIN_ISECTS: u32 = 1 << 16;
 
-/// Where the transmittance first falls below this, a Gaussian gives the pixel its depth (method, section 4; the authors'
-/// release has 0.7).
+/// The Gaussian at which transmittance first falls below this gives the pixel its depth (method, section 4;
+/// the authors' release has 0.7).
 pub const MEDIAN_THRESHOLD: f32 = 0.5;
 
-/// What a [`Renderer`] can do beyond colour and transmittance.
+/// Features of a [`Renderer`] beyond colour and transmittance.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderOptions {
-    /// Depths will be asked for.
+    /// Enable depths.
     pub depth: bool,
-    /// Take the z of the median Gaussian's centre, not of its point of maximum response.
+    /// Use the z of the median Gaussian's centre, not of its point of maximum response.
     pub centre_depth: bool,
-    /// Transmittance: see [`MEDIAN_THRESHOLD`].
+    /// Transmittance, see [`MEDIAN_THRESHOLD`].
     pub median_threshold: f32,
-    /// Gradients will be asked for.
+    /// Enable gradients.
     pub backward: bool,
-    /// Gaussians that there are at first, where these become as many as the [`Needs`] say later or never: intersections of theirs are what there
-    /// is room for.
+    /// Initial number of Gaussians, if it reaches the number in [`Needs`] later or never. Sets the initial
+    /// room for intersections.
     pub first: Option<u32>,
-    /// Which variants of the stages run.
+    /// Variants of the stages.
     pub policy: Policy,
 }
 
@@ -59,26 +59,26 @@ impl Default for RenderOptions {
     }
 }
 
-/// What of the scenes a [`Renderer`] is made for.
+/// Maximum size and formats of the scenes that a [`Renderer`] must support.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Needs {
-    /// Gaussians at most, base and supplement.
+    /// Maximum number of Gaussians, base and supplement together.
     pub gaussians: u32,
-    /// Bands of harmonics, or betas, that bases are rendered with: a pipeline for each number.
+    /// Bands of harmonics, or betas, of rendered bases: one pipeline per entry.
     pub degrees: Vec<u32>,
-    /// The same of supplements; empty where nothing has a lobe.
+    /// Bands of rendered supplements; empty if nothing has a lobe.
     pub lobe_degrees: Vec<u32>,
-    /// Models are of half width, see [`Model::is_half`].
+    /// Models have half width, see [`Model::is_half`].
     pub half: bool,
 }
 
 impl Needs {
-    /// For all of a model, at its own degree.
+    /// Needs of a whole model, at its own degree.
     pub fn of(model: &Model) -> Self {
         Self::at(model, [model.sh_degree])
     }
 
-    /// For all of a model, where so many bands of harmonics are shown.
+    /// Needs of a whole model, rendered with these bands of harmonics.
     pub fn at(model: &Model, degrees: impl IntoIterator<Item = u32> + Clone) -> Self {
         let of = |segment| distinct(degrees.clone().into_iter().map(|degree| model.degree_of(segment, degree)));
         Needs {
@@ -89,7 +89,7 @@ impl Needs {
         }
     }
 
-    /// For all of a scene whose model has no room for more; `half` as [`Room`](super::model::Room) has it.
+    /// Needs of a scene whose model has no spare room; `half` as in [`Room`](super::model::Room).
     pub fn of_scene(scene: &Scene, half: bool) -> Self {
         let supplement = scene.supplement.as_ref().map(|supplement| &supplement.gaussians).filter(|g| !g.is_empty());
         Needs {
@@ -100,21 +100,21 @@ impl Needs {
         }
     }
 
-    /// Whether splats are packed, which gradients are not asked of.
+    /// Whether splats are packed; gradients need unpacked ones.
     fn packs(&self, options: &RenderOptions) -> bool {
         self.half && !options.backward
     }
 }
 
-/// Each once, in order.
+/// Sorted, without duplicates.
 fn distinct(degrees: impl Iterator<Item = u32>) -> Vec<u32> {
     degrees.collect::<BTreeSet<u32>>().into_iter().collect()
 }
 
-/// What of a model is rendered, and how.
+/// Selects the parts of a model to render, and the background.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Show {
-    /// The last segment that is shown: the base alone, or both.
+    /// The last segment to show: the base alone, or both.
     pub upto: Segment,
     /// Bands of harmonics.
     pub degree: u32,
@@ -123,32 +123,33 @@ pub struct Show {
 }
 
 impl Show {
-    /// All of `model`.
+    /// Shows all of `model`.
     pub fn all(model: &Model, background: [f32; 3]) -> Self {
         Show { upto: Segment::Supplement, degree: model.sh_degree, background }
     }
 }
 
-/// The stages that read models: projection, and the median depth where it is asked for.
+/// The stages that read models: projection, and optionally the median depth.
 pub(super) struct ModelStages {
     needs: Needs,
-    /// By segment, then by degree in the order of `needs`: a scene without supplement never pays for lobes.
+    /// By segment, then by degree in the order of `needs`, so that a scene without supplement never pays for
+    /// lobes.
     project: [Vec<project::Stage>; 2],
     median_depth: Option<median_depth::Stage>,
 }
 
-/// A model in a frame: where its Gaussians begin in the common index, and which of `views` it is seen through.
+/// A model in a frame: its start in the common Gaussian index, and its view among `views`.
 #[derive(Clone, Copy)]
 pub(super) struct Placed<'a> {
     pub model: &'a Model,
     pub splat_first: u32,
     pub views: &'a Buffer<View>,
     pub view: u32,
-    /// The last segment that is shown.
+    /// The last segment to show.
     pub upto: Segment,
     /// Bands of harmonics.
     pub degree: u32,
-    /// Of the model in the world of the view.
+    /// Scale of the model in the view's world.
     pub scale: f32,
 }
 
@@ -182,10 +183,10 @@ impl ModelStages {
         })
     }
 
-    /// Whether they were made for this.
+    /// Checks that the stages cover this rendering.
     ///
     /// # Errors
-    /// [`Error::Usage`] where they were not.
+    /// [`Error::Usage`] if they do not.
     pub fn check(&self, model: &Model, upto: Segment, degree: u32) -> Result<()> {
         let Needs { degrees, lobe_degrees, .. } = &self.needs;
         let lobes = model.has_supplement() && upto == Segment::Supplement;
@@ -242,7 +243,7 @@ impl ModelStages {
         }
     }
 
-    /// The depths of those of the raster's `median_ids` that are a model's.
+    /// Depths of the raster's `median_ids` that belong to this model.
     pub fn record_depths(
         &self,
         recorder: &mut Recorder,
@@ -280,18 +281,18 @@ impl ModelStages {
     }
 }
 
-/// Pipelines and working buffers for scenes of up to a number of Gaussians in a set of views.
+/// Pipelines and working buffers to render scenes up to a maximum size, in a set of views.
 pub struct Renderer {
-    /// Order and blend, shared with the screen phase.
+    /// Order and blend stages, shared with the screen phase.
     pub raster: Raster,
     options: RenderOptions,
     stages: ModelStages,
-    /// Camera z by pixel of the view rendered last, 0 where there is none.
+    /// Camera z by pixel of the last rendered view, 0 if there is none.
     pub depths: Buffer<f32>,
     status: Buffer<u32>,
 }
 
-/// One view on the host.
+/// A rendered view on the host.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendered {
     /// Pixels.
@@ -300,14 +301,14 @@ pub struct Rendered {
     pub height: u32,
     /// RGB interleaved, not clamped above.
     pub color: Vec<f32>,
-    /// By pixel: the share of the background that is seen.
+    /// By pixel: visible fraction of the background.
     pub transmittance: Vec<f32>,
-    /// Camera z, 0 where there is none; empty unless [`RenderOptions::depth`].
+    /// Camera z, 0 if there is none; empty unless [`RenderOptions::depth`].
     pub depth: Vec<f32>,
 }
 
 impl Renderer {
-    /// For any of `views`. Waits.
+    /// A renderer for any of `views`. Waits.
     pub fn new(context: &Context, needs: Needs, views: &Views, options: RenderOptions) -> Result<Self, GpuError> {
         let tile = options.policy.tile(context.info());
         let grids = views.cameras.iter().map(|c| Grid::new(tile, 0, 1, c.width, c.height).tiles());
@@ -335,11 +336,11 @@ impl Renderer {
         })
     }
 
-    /// Records view `view` of `model` into the raster's image (and `depths`). The caller sets `status`, of
-    /// [`status::WORDS`] words, to 0 before; what did not fit is told there.
+    /// Records view `view` of `model` into the raster's image (and `depths`). The caller first sets `status`,
+    /// of [`status::WORDS`] words, to 0; overflows are reported there.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the renderer was not made for this; nothing is recorded then.
+    /// [`Error::Usage`] if the renderer was not made for this; then nothing is recorded.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -357,10 +358,11 @@ impl Renderer {
         Ok(grid)
     }
 
-    /// The part after pixels: the depths of the Gaussians in the raster's `median_ids`.
+    /// Records the depths of the Gaussians in the raster's `median_ids`, after the pixels.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the renderer was not made for this, or without [`RenderOptions::depth`]; nothing is recorded then.
+    /// [`Error::Usage`] if the renderer was not made for this, or without [`RenderOptions::depth`]; then
+    /// nothing is recorded.
     pub fn record_depths(
         &self,
         recorder: &mut Recorder,
@@ -377,17 +379,17 @@ impl Renderer {
         Ok(())
     }
 
-    /// As [`Renderer::record_depths`], of what was checked.
+    /// [`Renderer::record_depths`] without checks.
     pub(crate) fn depths_of(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
         let placed = placed(model, views, view, show);
         let pixels = views.cameras.get(view as usize).map_or(0, Camera::pixels);
         self.stages.record_depths(recorder, &self.raster, &self.depths, &placed, pixels);
     }
 
-    /// The part before pixels: splats, and the ordered lists of their tiles.
+    /// Records the stages before the pixels: splats, and the ordered lists of their tiles.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the renderer was not made for this; nothing is recorded then.
+    /// [`Error::Usage`] if the renderer was not made for this; then nothing is recorded.
     pub fn record_order(
         &self,
         recorder: &mut Recorder,
@@ -415,12 +417,12 @@ impl Renderer {
         Ok(grid)
     }
 
-    /// The first of that, of what was checked: splats, their depths and numbers of tiles.
+    /// Records the splats with their depths and tile counts, without checks.
     pub(crate) fn splats_of(&self, recorder: &mut Recorder, model: &Model, views: &Views, view: u32, show: &Show) {
         self.stages.record_project(recorder, &self.raster, &placed(model, views, view, show));
     }
 
-    /// Whether there is such a view, and the renderer was made for it and for the model.
+    /// Checks that the view exists, and that the renderer was made for it and for the model.
     fn check<'a>(
         &self,
         recorder: &Recorder,
@@ -443,10 +445,11 @@ impl Renderer {
         Ok(camera)
     }
 
-    /// Renders one view and leaves it on the device, growing the intersection buffers where they are too small. Waits.
+    /// Renders one view and leaves it on the device; grows the intersection buffers if they are too small.
+    /// Waits.
     ///
     /// # Errors
-    /// [`Error::Usage`] where model and views have different origins; else what the device lacks.
+    /// [`Error::Usage`] if model and views have different origins; otherwise an error of the device.
     pub fn render_on_device(&mut self, model: &Model, views: &Views, view: u32, show: &Show) -> Result<()> {
         loop {
             let mut recorder = self.raster.context().recorder("render")?;
@@ -462,12 +465,12 @@ impl Renderer {
         }
     }
 
-    /// Renders one view of all of `model` and reads it back.
+    /// Renders one view of all of `model` and downloads it. Waits.
     pub fn render(&mut self, model: &Model, views: &Views, view: u32, background: [f32; 3]) -> Result<Rendered> {
         self.render_shown(model, views, view, &Show::all(model, background))
     }
 
-    /// Renders what is to be shown of one view and reads it back.
+    /// Renders the selected parts of one view and downloads it. Waits.
     pub fn render_shown(&mut self, model: &Model, views: &Views, view: u32, show: &Show) -> Result<Rendered> {
         self.render_on_device(model, views, view, show)?;
         let camera = &views.cameras[view as usize];
@@ -483,7 +486,7 @@ impl Renderer {
     }
 }
 
-/// A model by itself.
+/// A single model in its own coordinates.
 fn placed<'a>(model: &'a Model, views: &'a Views, view: u32, show: &Show) -> Placed<'a> {
     Placed { model, splat_first: 0, views: &views.views, view, upto: show.upto, degree: show.degree, scale: 1.0 }
 }

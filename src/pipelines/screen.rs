@@ -1,7 +1,8 @@
-//! The screen phase (method, section 3): for each view, supplementary Gaussians in image space over the fixed base render. Many
-//! views at once, each by itself: a view's result does not depend on those it shares a batch with.
+//! The screen phase (method, section 3): for each view, optimises supplementary Gaussians in image space over
+//! the fixed base render. Many views run at once, but independently: a view's result does not depend on the
+//! rest of its batch.
 //!
-//! base_renders → budgets → for each batch: [`Refiner`], and lift what is left on the device.
+//! base_renders → budgets → for each batch: [`Refiner`], then lift the remaining Gaussians on the device.
 
 pub mod batch;
 pub mod rig;
@@ -33,46 +34,48 @@ use crate::{
     },
 };
 
-/// Steps in one submission: a step is some 30 dispatches.
+/// Steps per submission: a step has some 30 dispatches.
 const STEPS_PER_SUBMISSION: u32 = 10;
-/// One part in so many of a batch's memory stays free beside renders that are kept: memory is taken in blocks.
+/// Stored renders must leave one part in this number of a batch's memory free, as memory is allocated in
+/// blocks.
 const SPARE: u64 = 4;
 
-/// When Gaussians are drawn, stepped and pruned.
+/// Numbers of steps and draws of the screen phase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Schedule {
     /// Steps after each draw, before the prune.
     pub round_steps: u32,
-    /// Steps once all views have their number.
+    /// Steps after the last draw.
     pub final_steps: u32,
-    /// Draws at most. A draw is a fifth of the budget; where the prunes take away a share p of each, 5 / (1 − p) draws fill it,
-    /// so 20 are enough up to p = 3/4. A view that loses more than that has no use for more Gaussians: it goes into the last
-    /// steps with what it has, and its other places stay empty.
+    /// Maximum number of draws. A draw is a fifth of the budget; if prunes remove a share p of each,
+    /// 5 / (1 − p) draws fill it, so 20 are enough up to p = 3/4. A view that loses more than that has no use for
+    /// more Gaussians: it enters the last steps with those it has, and its other places stay empty.
     pub max_rounds: u32,
-    /// ⚖ Adam's bias correction counts the steps of the view, as the one optimiser of the authors' release does, and not those
-    /// of each Gaussian: the first steps of what is drawn later are some three times as long.
+    /// ⚖ Adam's bias correction counts the steps of the view, as the authors' release does with its single
+    /// optimiser, instead of those of each Gaussian. Then the first steps of later draws are about three times as
+    /// long.
     pub shared_steps: bool,
 }
 
 impl Schedule {
     /// AuGS, appendix A.
     pub const PAPER: Schedule = Schedule { round_steps: 200, final_steps: 1000, max_rounds: 20, shared_steps: false };
-    /// Ten and more times fewer steps, for previews and machines without a GPU.
+    /// At least ten times fewer steps, for previews and machines without a GPU.
     pub const QUICK: Schedule = Schedule { round_steps: 20, final_steps: 20, max_rounds: 8, shared_steps: false };
 }
 
-/// How far a batch is.
+/// Progress of a batch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// Draws done.
+    /// Finished draws.
     pub round: u32,
-    /// Steps done in this round, of how many.
+    /// Finished steps of this round, and their total.
     pub step: u32,
     /// See `step`.
     pub steps: u32,
-    /// All rounds are done; these are the final steps.
+    /// All rounds are finished; the final steps are running.
     pub last: bool,
-    /// 2D Gaussians of the batch after its last draw, of how many.
+    /// 2D Gaussians of the batch after its last draw, and their budget.
     pub count: u32,
     /// See `count`.
     pub budget: u32,
@@ -80,18 +83,18 @@ pub struct Progress {
     pub loss: f64,
 }
 
-/// What became of the views of a batch, by position in it.
+/// Results of a batch, by position of the view in it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Refined {
-    /// Losses of the base render, and with the 2D Gaussians.
+    /// Loss of the base render of each view; `losses` is that with the 2D Gaussians.
     pub base_losses: Vec<f32>,
     /// See `base_losses`.
     pub losses: Vec<f32>,
-    /// 2D Gaussians that are left.
+    /// Remaining 2D Gaussians of each view.
     pub counts: Vec<u32>,
-    /// Draws.
+    /// Number of draws.
     pub rounds: u32,
-    /// How often the intersection buffers were grown.
+    /// Number of times that the intersection buffers grew.
     pub grown: u32,
 }
 
@@ -108,14 +111,14 @@ pub struct ScreenGaussian {
     pub opacity_logit: f32,
     /// Natural logarithms of the standard deviations along the axes, pixels.
     pub log_scale: [f32; 2],
-    /// Of the first axis, radians.
+    /// Angle of the first axis, radians.
     pub angle: f32,
     /// Camera z at the centre, 0: none.
     pub depth: f32,
 }
 
-/// Number of 2D Gaussians of each view: n_i = ⌈⌈ratio · gaussians⌉ · ℓ_i / Σℓ⌉. A view whose loss is not a positive number
-/// gets none.
+/// Budget of 2D Gaussians for each view: n_i = ⌈⌈ratio · gaussians⌉ · ℓ_i / Σℓ⌉. A view gets none unless its
+/// loss is a positive finite number.
 pub fn budgets(losses: &[f64], gaussians: u32, ratio: f64) -> Vec<u32> {
     // guard: budgets of usable losses
     let usable = |loss: f64| if loss > 0.0 && loss.is_finite() { loss } else { 0.0 };
@@ -124,15 +127,15 @@ pub fn budgets(losses: &[f64], gaussians: u32, ratio: f64) -> Vec<u32> {
     losses.iter().map(|&l| if total > 0.0 { (budget * usable(l) / total).ceil() as u32 } else { 0 }).collect()
 }
 
-/// The base as the views show it.
+/// Renders of the base and their losses.
 pub struct BaseRenders {
     /// By view: 0.8 · L1 + 0.2 · (1 − SSIM).
     pub losses: Vec<f64>,
-    /// Of the first batch; the others need the same memory.
+    /// Renders of the first batch; the others reuse the same memory.
     pub first: Backdrop,
 }
 
-/// What the 2D Gaussians of a batch are rendered onto, by pixel of the batch.
+/// Background of a batch's 2D Gaussians, by pixel of the batch.
 pub struct Backdrop {
     images: Buffer<[f32; 4]>,
     /// Camera z, 0: none.
@@ -146,10 +149,10 @@ impl Backdrop {
     }
 }
 
-/// Renders the base in every view, and compares it with the photographs; `renderer` must have been made with depth. Waits.
+/// Renders the base in every view, and compares it with the photographs; `renderer` must have depth. Waits.
 ///
 /// # Errors
-/// Where the device's memory is too small, or the device fails.
+/// If the device's memory is too small, or the device fails.
 pub fn base_renders(session: &Session, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<BaseRenders> {
     let context = &session.context;
     let batches = batches(context, views);
@@ -168,7 +171,7 @@ pub fn base_renders(session: &Session, renderer: &mut Renderer, model: &Model, v
     let frames = Buffer::new(context, "base_frames", sizes.frames as usize, Location::Device)?;
     let mut steps = Steps::new(context, STEPS_PER_SUBMISSION)?;
     let mut losses = vec![0.0; views.cameras.len()];
-    // The first batch last, so that its renders are what is left.
+    // The first batch comes last, so that its renders remain.
     for (batch, list) in batches.iter().zip(&all_frames).rev() {
         frames.upload(0, list)?;
         let mut work = BaseWork {
@@ -207,7 +210,7 @@ struct BaseWork<'a> {
     model: &'a Model,
     views: &'a Views,
     background: [f32; 3],
-    /// The first view.
+    /// Index of the batch's first view.
     first: u32,
     list: &'a [Frame],
     images: &'a Buffer<[f32; 4]>,
@@ -230,7 +233,8 @@ impl Looped for BaseWork<'_> {
     }
 }
 
-/// The steps of a round, a prune and the losses of what is left; with `draw`, new Gaussians are drawn from these.
+/// The steps of a round, a prune, and the losses of the remaining Gaussians. With `draw`, these losses place
+/// new ones.
 struct Round<'a> {
     screen: &'a mut Screen,
     targets: &'a Buffer<u32>,
@@ -242,7 +246,7 @@ struct Round<'a> {
 struct Draw {
     round: u32,
     seed: u32,
-    /// Of what is drawn.
+    /// Initial age of drawn Gaussians.
     age: u32,
 }
 
@@ -277,18 +281,18 @@ impl Looped for Round<'_> {
     }
 }
 
-/// What is being done to the batch at hand.
+/// Current job of a batch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Job {
     Idle,
-    /// The base's renders and depths.
+    /// Render the base and its depths.
     Base,
-    /// The steps that lead up to draw `round`, and the draw.
+    /// Run the steps before draw `round`, then draw.
     Round {
         round: u32,
         steps: u32,
     },
-    /// The steps after the last draw.
+    /// Run the steps after the last draw.
     LastRound,
     Final,
 }
@@ -298,9 +302,9 @@ impl Job {
     const FIRST_ROUND: Job = Job::Round { round: 1, steps: 0 };
 }
 
-/// Refines batches of views; what is left of one stays on the device until the next is begun.
+/// Refines views batch by batch; the results of one batch stay on the device until the next starts.
 pub struct Refiner {
-    /// The buffers and stages of one batch, used for one after the other.
+    /// Buffers and stages of one batch, reused for each.
     pub screen: Screen,
     batches: Vec<Range<usize>>,
     budgets: Vec<u32>,
@@ -308,9 +312,9 @@ pub struct Refiner {
     seed: u32,
     background: [f32; 3],
     steps: Steps,
-    /// The base is rendered in the views of the first batch.
+    /// The renders of the first batch's base are available.
     has_first: bool,
-    /// The batch at hand, its frames and what is done to it.
+    /// The current batch, its frames and its job.
     batch: Range<usize>,
     frames: Vec<Frame>,
     job: Job,
@@ -319,11 +323,11 @@ pub struct Refiner {
 }
 
 impl Refiner {
-    /// `budgets` are those of all views, see [`budgets`]. With `first`, of [`base_renders`] for the same views, the first batch begins
-    /// with what was rendered of it, as far as memory has room for that while the refiner is made.
+    /// `budgets` covers all views, see [`budgets`]. `first`, from [`base_renders`] of the same views, saves
+    /// rendering the first batch again, if memory has room for it while the refiner is made.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the views and the budgets are not of the same number; else what the device lacks.
+    /// [`Error::Usage`] if the numbers of views and budgets differ; otherwise an error of the device.
     pub fn new(
         session: &Session,
         views: &Views,
@@ -346,7 +350,7 @@ impl Refiner {
             })?;
             sizes = sizes.max(ScreenSizes::of_frames(&frames_of(views, batch), places));
         }
-        // It must not be the reason that anything else finds no room, or has less.
+        // Stored renders must never take room from anything else.
         let (memory, needed) = (context.memory(), Screen::plan(context, &sizes, session.policy).bytes());
         let fits = memory.taken.saturating_add(needed).saturating_add(needed / SPARE) <= memory.budget;
         let first = first.filter(|first| fits && first.depths.len() == sizes.pixels as usize);
@@ -372,17 +376,17 @@ impl Refiner {
         })
     }
 
-    /// The views of each batch, in order.
+    /// The ranges of views of the batches, in order.
     pub fn batches(&self) -> &[Range<usize>] {
         &self.batches
     }
 
-    /// The views of the batch at hand.
+    /// The views of the current batch.
     pub fn views(&self) -> Range<usize> {
         self.batch.clone()
     }
 
-    /// Begins batch `batch` of `views`. Waits.
+    /// Starts batch `batch` of `views`. Waits.
     pub fn start(&mut self, views: &Views, batch: usize) -> Result<()> {
         let number = batch;
         let Some(batch) = self.batches.get(number).cloned() else {
@@ -399,15 +403,15 @@ impl Refiner {
         let list: Vec<_> = cameras.map(|(camera, frame)| view(camera, frame.image_first)).collect();
         self.screen.begin(&self.frames, &list, &quotas)?;
         self.batch = batch;
-        // Another batch is rendered over it.
+        // Any other batch overwrites these renders.
         self.job = if mem::take(&mut self.has_first) && number == 0 { Job::FIRST_ROUND } else { Job::Base };
         self.refined = Refined::default();
         self.progress = Progress { round: 0, step: 0, steps: 0, last: false, count: 0, budget: first, loss: f64::NAN };
         self.start_job()
     }
 
-    /// Goes on with the batch that was begun, over `model`'s base; `renderer` must have been made with depth. `None` once
-    /// it is refined. The host waits for submissions that are on their way, and once for each round.
+    /// Continues the current batch, over `model`'s base; `renderer` must have depth. `None` once it is
+    /// refined. The host waits for submissions in flight, and once per round.
     pub fn advance(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Option<Progress>> {
         let (first, targets) = (self.batch.start as u32, views.targets(self.batch.start));
         loop {
@@ -449,7 +453,7 @@ impl Refiner {
         }
     }
 
-    /// Refines a whole batch; `progress` is called as it goes on.
+    /// Refines a whole batch; calls `progress` on the way.
     pub fn refine(
         &mut self,
         renderer: &mut Renderer,
@@ -465,12 +469,12 @@ impl Refiner {
         Ok(self.refined.clone())
     }
 
-    /// What became of the batch at hand, once it is refined.
+    /// Results of the current batch, once it is refined.
     pub fn refined(&self) -> &Refined {
         &self.refined
     }
 
-    /// Draws what follows from a job that is done.
+    /// Evaluates a finished job, and selects the next one.
     fn finish_job(&mut self) -> Result<()> {
         let grown = self.steps.report().grown;
         self.job = match self.job {
@@ -514,7 +518,7 @@ impl Refiner {
         self.start_job()
     }
 
-    /// Lets the job begin.
+    /// Starts the current job.
     fn start_job(&mut self) -> Result<()> {
         let steps = match self.job {
             Job::Idle => return Ok(()),
@@ -530,7 +534,7 @@ impl Refiner {
         self.screen.loss.losses.mapped()[..self.frames.len()].iter().map(|l| l.total).collect()
     }
 
-    /// The base's render (RGB, transmittance) and depth of one view of the batch at hand, by its position there. Waits.
+    /// Base render (RGB, transmittance) and depth of one view of the current batch, by position. Waits.
     pub fn base_render(&self, position: usize) -> Result<(Vec<[f32; 4]>, Vec<f32>)> {
         let Some(frame) = self.frames.get(position) else {
             return Err(Error::Usage(format!("view {position} of a batch of {}", self.frames.len())));
@@ -540,7 +544,8 @@ impl Refiner {
         Ok((image, self.screen.buffers.depths.download_range(first, pixels)?))
     }
 
-    /// Reads the 2D Gaussians of the batch at hand back, each with its place; by view, and in a view by place. Waits.
+    /// Downloads the 2D Gaussians of the current batch, each with its place; ordered by view, then by place.
+    /// Waits.
     pub fn download(&self) -> Result<Vec<(usize, ScreenGaussian)>> {
         let b = &self.screen.buffers;
         let (planes, frames) = (b.screen_planes.download()?, b.screen_frames.download()?);

@@ -1,4 +1,4 @@
-//! The order of the kernels of an exclusive prefix sum and of a radix sort. Records only.
+//! Records an exclusive prefix sum and a radix sort, each a sequence of kernels.
 
 use crate::{
     gpu::{Buffer, Context, GpuError, Recorder},
@@ -8,11 +8,11 @@ use crate::{
     },
 };
 
-/// How many items there are, and the workgroups for them: `count[index]` and dispatch `dispatch` of `args`, which
-/// `dispatch_args` made with [`items_per_group`](crate::stages::blocks::items_per_group).
+/// Number of items, with a dispatch of workgroups over them: `count[index]` and dispatch `dispatch` of
+/// `args`. `dispatch_args` makes it with [`items_per_group`](crate::stages::blocks::items_per_group).
 #[derive(Clone, Copy)]
 pub struct Extent<'a> {
-    /// Word `index` is how many items there are.
+    /// Word `index` is the number of items.
     pub count: &'a Buffer<u32>,
     /// See `count`.
     pub index: u32,
@@ -30,16 +30,16 @@ pub struct Scan {
     apply: scan_apply::Stage,
 }
 
-/// What a scan reads and writes.
+/// Inputs and outputs of a scan.
 #[derive(Clone, Copy)]
 pub struct ScanBuffers<'a> {
-    /// What is added up; sums stop at 2^32 − 1.
+    /// Values to add up; sums saturate at 2^32 − 1.
     pub values: &'a Buffer<u32>,
-    /// Item i is `values[index[i]]`; `None` for a scan that was made without gather.
+    /// Item i is `values[index[i]]`; `None` for a scan without gather.
     pub index: Option<&'a Buffer<u32>>,
     /// Scratch, [`block_sums_len`](crate::stages::blocks::block_sums_len) elements.
     pub block_sums: &'a Buffer<u32>,
-    /// By item, in the order of the items.
+    /// Output: the prefix sum of each item, in the order of the items.
     pub offsets: &'a Buffer<u32>,
 }
 
@@ -56,7 +56,7 @@ impl Scan {
         })
     }
 
-    /// The total goes to `extent.count[total_index]`, which is not `extent.index`.
+    /// Records the scan. The total goes to `extent.count[total_index]`, which must not be `extent.index`.
     pub fn record(&self, recorder: &mut Recorder, buffers: &ScanBuffers<'_>, extent: Extent<'_>, total_index: u32) {
         let ScanBuffers { values, block_sums, offsets, .. } = *buffers;
         let index = buffers.index.unwrap_or(values);
@@ -85,14 +85,14 @@ impl Scan {
     }
 }
 
-/// What a [`RadixSort`] is given.
+/// Kind of input of a [`RadixSort`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Input {
-    /// Pairs, all of which are sorted.
+    /// Pairs, all kept.
     All,
-    /// Pairs, of which those whose key is `0xFFFFFFFF` are dropped.
+    /// Pairs; drops those with key `0xFFFFFFFF`.
     Some,
-    /// Keys, of which those of `0xFFFFFFFF` are dropped. The value of a key is its index.
+    /// Keys only; drops those equal to `0xFFFFFFFF`. The value of a key is its index.
     Keys,
 }
 
@@ -103,17 +103,17 @@ pub struct RadixSort {
     compact: Option<(radix_upsweep::Stage, radix_downsweep::Stage)>,
     upsweep: radix_upsweep::Stage,
     spine: radix_spine::Stage,
-    /// Workgroups of the spine: a lane for each digit.
+    /// Workgroups of the spine: one lane per digit.
     spine_groups: u32,
     downsweep: radix_downsweep::Stage,
 }
 
-/// Keys and the values that go with them.
+/// Keys with their values.
 #[derive(Clone, Copy)]
 pub struct Pairs<'a> {
-    /// Ascending by these; equal keys keep their order.
+    /// Sorted in ascending order; equal keys keep their order.
     pub keys: &'a Buffer<u32>,
-    /// Go with their keys.
+    /// Permuted together with the keys.
     pub values: &'a Buffer<u32>,
 }
 
@@ -155,8 +155,9 @@ impl RadixSort {
             )
         };
         let (lanes, most) = (context.info().subgroup_size, context.info().max_workgroup.min(1024));
-        // A workgroup of the spine has a column of counters per lane, so they are few, and on a GPU it takes many subgroups in
-        // each to hide the latency (1024 threads is what most GPUs allow). On a CPU each subgroup is only a cost.
+        // A spine's workgroup has a column of counters per lane, so there are few workgroups. A GPU needs
+        // many subgroups in each to hide the latency; most allow up to 1024 threads. On a CPU each subgroup
+        // is only a cost.
         let spine_size = if context.info().is_cpu { lanes } else { (lanes * 32).min(most) };
         Ok(RadixSort {
             passes,
@@ -175,14 +176,15 @@ impl RadixSort {
         })
     }
 
-    /// Which of the two pairs of [`RadixSort::record`] the sorted ones end up in.
+    /// Index of the pair in [`RadixSort::record`] that receives the sorted result.
     pub fn last_pair(&self) -> usize {
         (self.passes as usize + 1) % 2
     }
 
-    /// Pass p writes `pairs[p % 2]`; the sorted pairs, which are returned, are in the last one written. `input` may be
-    /// `pairs[1]` if it is not needed any more. A sort of [`Input::Keys`] does not read `input.values`. One that drops keys leaves
-    /// the number of pairs at `extent.count[kept_index]`, which is not `extent.index`; any other takes no notice of `kept_index`.
+    /// Pass p writes `pairs[p % 2]`; returns the last pair written, which is sorted. `input` may be
+    /// `pairs[1]` if it is not needed any more. A sort of [`Input::Keys`] does not read `input.values`. A
+    /// sort that drops keys writes the number of remaining pairs to `extent.count[kept_index]`, which must
+    /// not be `extent.index`; others ignore `kept_index`.
     pub fn record<'a>(
         &self,
         recorder: &mut Recorder,
@@ -217,7 +219,7 @@ impl RadixSort {
             };
             let push = radix_downsweep::Push { count_index, kept_index, shift };
             downsweep.record_indirect(recorder, &buffers, &push, args, dispatch);
-            // The dropped keys are at the end of the dispatch from here on: workgroups beyond the count have nothing to do.
+            // From here on, workgroups beyond the smaller count have nothing to do.
             if self.compact.is_some() {
                 count_index = kept_index;
             }

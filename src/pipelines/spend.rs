@@ -1,43 +1,45 @@
-//! What an augmentation may spend, what each thing that it can be spent on gains, and the plan that follows (method, section 7).
+//! The budget of an augmentation: its limits, the gain of each way to spend it, and the resulting plan
+//! (method, section 7).
 //!
-//! One currency: the fall of the squared error, summed over pixels and channels of all training views.
+//! Gains have one unit: the fall of the squared error, summed over pixels and channels of all training views.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{data::gaussian_bytes, scene::Gaussians};
 
-/// Gaussians for each of the base at most where their gain says how many are added.
+/// Maximum number of added Gaussians relative to the base, if gains decide the number.
 pub const MOST_BY_GAIN: f64 = 0.25;
-/// The same where bytes say it.
+/// Maximum number of added Gaussians relative to the base, if bytes limit it.
 pub const MOST_BY_BYTES: f64 = 1.0;
 
-/// Whether Gaussians are weighed against training on.
+/// Selects whether Gaussians compete with longer training of the base.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Weigh {
-    /// What training on gains is not asked.
+    /// Do not measure the gain of longer training.
     #[default]
     Not,
-    /// It is told; the budget is spent all the same.
+    /// Measure and report it; spend the budget regardless.
     Tell,
-    /// Gaussians that gain less than training on are not placed.
+    /// Only place Gaussians that gain more than longer training.
     Limit,
 }
 
-/// Gaussians and bytes that an augmentation may add.
+/// Limits of an augmentation, in Gaussians and bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Allowance {
-    /// Of either kind.
+    /// Maximum number of added Gaussians of either kind.
     pub gaussians: u32,
-    /// In a file; `None`: as many as they take.
+    /// Maximum size in a file; `None`: unlimited.
     pub bytes: Option<u64>,
     plain_bytes: u64,
     lobe_bytes: u64,
-    /// Gaussians of the base.
+    /// Number of Gaussians in the base.
     base: u32,
 }
 
 impl Allowance {
-    /// At most `ratio` Gaussians for each of `base`, and `bytes`; harmonics of `lobe_degree` for those with lobes.
+    /// Limits to `ratio` times the number of Gaussians in `base`, and to `bytes`. Gaussians with lobes have
+    /// harmonics of `lobe_degree`.
     pub fn new(base: &Gaussians, lobe_degree: u32, ratio: f64, bytes: Option<u64>) -> Self {
         Allowance {
             gaussians: (ratio * base.len() as f64).ceil() as u32,
@@ -48,12 +50,12 @@ impl Allowance {
         }
     }
 
-    /// Gaussians that may be added if all have a lobe, and if none has.
+    /// Maximum numbers of added Gaussians: if all have a lobe, and if none has.
     pub fn most(&self) -> [u32; 2] {
         self.prices().map(|price| self.fitting(self.gaussians, self.bytes, price))
     }
 
-    /// Gaussians with lobes that may be added beside so many plain ones.
+    /// Maximum number of Gaussians with lobes, if `plain` Gaussians without are added too.
     pub fn lobes_beside(&self, plain: u32) -> u32 {
         let left = self.bytes.map(|bytes| bytes.saturating_sub(self.taken(plain, 0)));
         self.fitting(self.gaussians.saturating_sub(plain), left, self.lobe_bytes)
@@ -63,8 +65,9 @@ impl Allowance {
         bytes.map_or(count, |bytes| u32::try_from(bytes / price).unwrap_or(u32::MAX).min(count))
     }
 
-    /// Of so many Gaussians and bytes that may be there once placement `index` of `placements` is done, what is left beside those that
-    /// are there: half of all may be after the first, and one at least where the bytes suffice for it.
+    /// Gaussians and bytes left for placement `index` of `placements`, given the numbers placed so far. The
+    /// first placement may use half of the total, and always the bytes of one Gaussian if the total allows
+    /// it.
     pub fn left(&self, [index, placements]: [u32; 2], plain: u32, lobes: u32) -> (u32, Option<u64>) {
         let gaussians = allowed(self.gaussians.into(), index, placements) as u32;
         let one = |bytes: u64| bytes.min(self.lobe_bytes).min(self.plain_bytes);
@@ -73,18 +76,18 @@ impl Allowance {
         (gaussians.saturating_sub(plain.saturating_add(lobes)), bytes)
     }
 
-    /// Bytes of a Gaussian with a lobe, and of a plain one.
+    /// Price in bytes of a Gaussian with a lobe, and of a plain one.
     pub fn prices(&self) -> [u64; 2] {
         [self.lobe_bytes, self.plain_bytes]
     }
 
-    /// Bytes of so many Gaussians in a file.
+    /// Size in a file of these numbers of Gaussians, bytes.
     pub fn taken(&self, plain: u32, lobes: u32) -> u64 {
         u64::from(plain) * self.plain_bytes + u64::from(lobes) * self.lobe_bytes
     }
 }
 
-/// Of `most` those that may be there after placement `index` of `placements`: half after the first.
+/// Part of `most` allowed after placement `index` of `placements`: half after the first.
 fn allowed(most: u64, index: u32, placements: u32) -> u64 {
     match placements {
         0 | 1 => most,
@@ -92,117 +95,117 @@ fn allowed(most: u64, index: u32, placements: u32) -> u64 {
     }
 }
 
-/// What training the base on gains, from a short run of it.
+/// Gain of longer training of the base, measured in a short run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrainingOn {
-    /// Squared error of the base as it was.
+    /// Squared error of the original base.
     pub before: f64,
-    /// After the short run.
+    /// Squared error after the short run.
     pub after: f64,
-    /// Steps of it.
+    /// Steps of the short run.
     pub steps: u32,
-    /// Seconds on the wall that they took.
+    /// Wall-clock seconds of the short run.
     pub seconds: f64,
 }
 
 impl TrainingOn {
-    /// Of `steps` steps: gains go with the square root of the steps.
+    /// Extrapolated gain of `steps` steps: gains grow with the square root of the number of steps.
     pub fn gain(&self, steps: u32) -> f64 {
-        // NaN gains nothing.
+        // NaN counts as no gain.
         (self.before - self.after).max(0.0) * (f64::from(steps) / f64::from(self.steps.max(1))).sqrt()
     }
 
-    /// What a Gaussian must gain to be worth its time: with one of `gaussians` more each of `steps` steps takes so much longer that
-    /// steps / gaussians more of them would take as long, and the last steps gain half of what they gain on the mean.
+    /// Minimum gain that is worth a Gaussian's time. It slows down each of `steps` steps by 1 / `gaussians`,
+    /// the time of steps / gaussians more steps; the last steps gain half of the mean.
     pub fn least_gain(&self, steps: u32, gaussians: u32) -> f64 {
         0.5 * self.gain(steps) / f64::from(gaussians.max(1))
     }
 }
 
-/// What was chosen of a kind.
+/// Choice and gain of one kind of Gaussian.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spent {
-    /// Candidates that gain most of all that they overlap.
+    /// Candidates that gain more than all they overlap.
     pub chosen: u32,
-    /// Those of them that are placed at first.
+    /// Number of these in the first placement.
     pub placed: u32,
-    /// What these gain in the training views, dB, before anything learns.
+    /// Gain of the first placement in the training views, dB, before the joint phase.
     pub gain_db: f64,
-    /// The same for a thousand of them.
+    /// `gain_db` per thousand Gaussians.
     pub db_per_thousand: f64,
-    /// The same for a million bytes.
+    /// `gain_db` per million bytes.
     pub db_per_megabyte: f64,
-    /// The same for a second of the joint phase that they take; null where no step was timed before.
+    /// `gain_db` per second that they add to the joint phase; null if no step was timed before.
     #[serde(default)]
     pub db_per_second: Option<f64>,
 }
 
-/// What is spent on which, known before the joint phase.
+/// The plan of an augmentation, known before the joint phase.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Spending {
-    /// Gaussians that may be added, and those that are at first.
+    /// Maximum number of added Gaussians, and the maximum of the first placement.
     pub gaussians_allowed: u32,
     /// See `gaussians_allowed`.
     pub gaussians_at_first: u32,
-    /// Bytes that added Gaussians may take; null: as many as they do.
+    /// Maximum bytes of added Gaussians; null: unlimited.
     pub bytes_allowed: Option<u64>,
-    /// Placements in all.
+    /// Number of placements.
     pub placements: u32,
-    /// Of the joint phase.
+    /// Steps of the joint phase.
     pub steps: u32,
-    /// What training the base on for as many steps gains in the training views; null where that was not asked.
+    /// Gain of training the base for the same number of steps, in the training views; null if not measured.
     pub training_on_db: Option<f64>,
-    /// The same for a second of it.
+    /// `training_on_db` per second.
     #[serde(default)]
     pub training_on_db_per_second: Option<f64>,
-    /// What a thousand Gaussians must gain at least, dB; 0: anything.
+    /// Minimum gain per thousand Gaussians, dB; 0: none.
     pub least_db_per_thousand: f64,
     /// Gaussians with lobes.
     pub lobes: Spent,
-    /// What the same candidates would gain as plain Gaussians.
+    /// Candidates of `lobes`, with their gains as plain Gaussians.
     #[serde(default)]
     pub without_lobes: Spent,
-    /// Gaussians without, for the base.
+    /// Plain Gaussians, for the base.
     pub plain: Spent,
-    /// Candidates that were drawn.
+    /// Number of candidates drawn.
     pub drawn: u32,
-    /// Of these: gain nothing in all views together, or overlap one that gains more.
+    /// Candidates without a gain over all views, or overlapping one with a higher gain.
     pub no_gain: u32,
-    /// Chosen, but gain less than training on.
+    /// Chosen, but with a lower gain than longer training.
     pub below_training_on: u32,
-    /// Chosen, but more than may be placed at first.
+    /// Chosen, but beyond the maximum of the first placement.
     pub beyond: u32,
 }
 
-/// A candidate that was chosen.
+/// A chosen candidate.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Chosen {
     /// Fall of the squared error.
     pub gain: f32,
     /// Whether it has a lobe.
     pub lobe: bool,
-    /// What it would gain without one, at the size, opacity and colour that are best then.
+    /// Gain without a lobe, at the size, opacity and colour that are then best.
     pub plain: f32,
 }
 
-/// What a placement found.
+/// Result of choosing candidates.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Choice {
-    /// In the order of falling gain.
+    /// Candidates in order of falling gain.
     pub chosen: Vec<Chosen>,
-    /// Candidates that were drawn.
+    /// Number of candidates drawn.
     pub drawn: u32,
     /// Squared error of all views.
     pub squared_error: f64,
 }
 
-/// PSNR that a gain brings, in dB, to first order: so that the gains of several add up.
+/// First-order gain in PSNR, dB, so that gains add up.
 fn decibels(gain: f64, squared_error: f64) -> f64 {
     if squared_error > 0.0 { 10.0 / std::f64::consts::LN_10 * gain / squared_error } else { 0.0 }
 }
 
 impl Spending {
-    /// Of the first placement, which may place Gaussians that gain `least` each.
+    /// Plan of the first placement; a Gaussian must gain at least `least`.
     pub fn new(
         allowance: &Allowance,
         [placements, steps]: [u32; 2],
@@ -219,7 +222,7 @@ impl Spending {
         };
         let placed = choice.chosen.iter().take(enough.min(first as usize)).take_while(within).count();
         let all = choice.squared_error;
-        // Of the joint phase.
+        // Estimated seconds of the joint phase.
         let seconds = training_on.map(|on| on.seconds * f64::from(steps) / f64::from(on.steps.max(1)));
         let of = |lobe: bool, gain: fn(&Chosen) -> f32, bytes: u64| {
             let chosen = choice.chosen.iter().filter(|chosen| chosen.lobe == lobe).count() as u32;
@@ -229,7 +232,7 @@ impl Spending {
             let bytes = bytes as f64 * f64::from(count);
             let per = |much: f64| if count > 0 { gain_db / much } else { 0.0 };
             let (db_per_thousand, db_per_megabyte) = (per(f64::from(count) / 1e3), per(bytes / 1e6));
-            // A step takes longer by the share that they are of all, at most.
+            // Each step takes longer in proportion to the number of Gaussians, at most.
             let takes = seconds.map(|seconds| seconds * f64::from(count) / f64::from(allowance.base.max(1)));
             let db_per_second = takes.map(per).filter(|db| db.is_finite());
             Spent { chosen, placed: count, gain_db, db_per_thousand, db_per_megabyte, db_per_second }
@@ -260,7 +263,7 @@ impl Spending {
         }
     }
 
-    /// Gaussians that are placed at first.
+    /// Number of Gaussians in the first placement.
     pub fn placed(&self) -> u32 {
         self.lobes.placed + self.plain.placed
     }
@@ -300,7 +303,7 @@ mod tests {
                 let within = |plain, lobes| {
                     plain + lobes <= all && bytes.is_none_or(|bytes| allowance.taken(plain, lobes) <= bytes)
                 };
-                // As many as that, and not one more.
+                // Exactly this number fits.
                 let [lobes, plain] = allowance.most();
                 assert!(within(0, lobes) && !within(0, lobes + 1) && within(plain, 0) && !within(plain + 1, 0));
                 for plain in [0, 1, 7, 90] {
@@ -316,7 +319,7 @@ mod tests {
         }
         let allowance = |bytes| Allowance::new(&base(1000, 3), 3, 0.1, bytes);
         assert_eq!((allowance(None).most(), allowance(Some(u64::MAX)).left([2, 3], 40, 30).0), ([100; 2], 30));
-        // Three quarters of all after the second of three placements.
+        // Three quarters of the total after the second of three placements.
         assert_eq!(allowance(Some(40_000)).left([1, 3], 0, 0), (75, Some(30_000)));
         // 62 and 64 words in a file, and 19 without bands above the constant one.
         assert_eq!(allowance(None).prices(), [256, 248]);
@@ -349,16 +352,16 @@ mod tests {
         // A thousandth less squared error is 0.0043429 dB.
         let near = |got: f64, thousandths: f64| (got / (0.0043429448 * thousandths) - 1.0).abs() < 1e-6;
         assert!(near(plan.lobes.gain_db, 16.0) && near(plan.training_on_db.unwrap(), 30.0));
-        // 90 steps take 18 seconds, and one more Gaussian a fortieth of that.
+        // 90 steps take 18 seconds; one more Gaussian adds a fortieth of that.
         assert!(near(plan.training_on_db_per_second.unwrap(), 30.0 / 18.0));
         assert!(near(plan.plain.db_per_second.unwrap(), 5.0 / (18.0 / 40.0)));
         assert!(near(plan.plain.db_per_thousand, 5e3) && near(plan.plain.db_per_megabyte, 5e6 / 248.0));
-        // Those with lobes without them.
+        // The same candidates without their lobes.
         assert!(near(plan.without_lobes.gain_db, 4.0) && near(plan.without_lobes.db_per_megabyte, 4e6 / (3.0 * 248.0)));
         assert_eq!(plan.without_lobes.placed, 3);
         let none = Spending::new(&allowance, [3, 90], &Choice { squared_error: 0.0, ..Choice::default() }, 0.0, None);
         assert_eq!((none.placed(), none.lobes, none.training_on_db), (0, Spent::default(), None));
-        // Half of the bytes at first, which end before the plain one that is next.
+        // The first placement has half of the bytes; they run out before the next plain candidate.
         let bytes = Allowance::new(&base(40, 3), 0, 1.0, Some(2 * (76 + 247)));
         let plan = Spending::new(&bytes, [3, 90], &choice, 0.0, None);
         assert_eq!((plan.gaussians_allowed, plan.lobes.placed, plan.plain.placed, plan.beyond), (8, 1, 0, 5));

@@ -1,4 +1,4 @@
-//! What a training run starts from: photographs on the device and a first scene.
+//! Prepares a training run: uploads photographs and selects the first points.
 
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -18,24 +18,26 @@ use crate::{
     },
 };
 
-/// Random points at most: 3DGS's number.
+/// Maximum number of random points, same as in 3DGS.
 pub const MAX_RANDOM_POINTS: usize = 100_000;
-/// Random points for each pixel of the largest training photo, where that is less. Gaussians are fixed in number and most
-/// random ones begin in empty space. NeRF Synthetic lego at 64 × 64: after 5000 steps four for each pixel are 2.4 dB better
-/// than one, at a fourth of the speed; in runs of 20 s they lose 0.7 dB to one for each pixel.
+/// Random points per pixel of the largest training photo, below the maximum. Most random Gaussians start in
+/// empty space, and their number is fixed. On NeRF Synthetic lego at 64 × 64, four per pixel are 2.4 dB
+/// better than one after 5000 steps, at a fourth of the speed; in runs of 20 s they lose 0.7 dB.
 pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 
-/// A run whose number grows begins with one in so many of these: the rest comes to where errors are. Of fox at 128 pixels, which has none of
-/// its own, 9,216 points come to 36,864 Gaussians and 32.52 dB in 2,000 steps, as many points make 31.52 in 1.5 times the time; to 24,768 in
-/// 500 steps 30.40 dB beside 29.49, and in 2,000 steps 32.60 beside 32.63 (two seeds).
+/// A run that grows starts with one in this number of the random points; the rest is added at pixels with
+/// errors. Fox at 128 pixels has no points of its own. From 9,216 points it grows to 36,864 Gaussians and
+/// 32.52 dB in 2,000 steps; starting with that number gives 31.52 dB in 1.5 times the time. Growing to 24,768
+/// in 500 steps gives 30.40 dB against 29.49, and in 2,000 steps 32.60 against 32.63 (two seeds).
 pub const RANDOM_NTH: usize = 4;
 
-/// Cameras of `photos`, and their photographs as targets, with smaller ones beside them whose sides are halved up to `halvings` times; a pixel that does not count has alpha 0. Photographs are decoded a
-/// few at a time, so that the host never holds them all. `background` is what transparent pixels are put over; `progress`
-/// is called for every photo, with the number done so far and its pixels as the device has them.
+/// Uploads the cameras of `photos` with their photographs as targets, and copies with sides halved up to
+/// `halvings` times. A masked pixel has alpha 0. Photographs are decoded a few at a time, so that the host
+/// never holds them all. Transparent pixels are blended over `background`. `progress` is called after every
+/// photo, with the number done so far and its pixels as uploaded.
 ///
 /// # Errors
-/// Those of the files, and [`Error::Usage`] where a photograph is more than the device can learn from at once.
+/// Errors of the files, and [`Error::Usage`] if a photograph is too large for the device.
 pub fn upload_photos(
     context: &Context,
     photos: &[&Photo],
@@ -49,7 +51,7 @@ pub fn upload_photos(
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
     let views = Views::halved(context, origin_for(&cameras), &cameras, halvings)?;
     let (mut done, mut any_counts) = (0, photos.is_empty());
-    // Each is made of the one twice as large.
+    // Each size is made from the next larger one.
     let sizes = |photo: &Photo, image: Image| {
         let (mut image, mut sizes) = (image, Vec::with_capacity(1 + halvings as usize));
         let any_counts = image.any_counts();
@@ -78,18 +80,19 @@ pub fn upload_photos(
     Ok(views)
 }
 
-/// Pixels of the longer side that photographs with halved sides keep. At 62 pixels (LLFF horns) a run lost 0.6 dB to one of as many steps on
-/// photographs in full, which took 1.4 times as long; from 128 pixels on none lost anything.
+/// Minimum longer side of halved photographs, px. At 62 pixels (LLFF horns) a run lost 0.6 dB against one
+/// with the same number of steps on full-size photographs, which took 1.4 times as long. From 128 pixels on
+/// no run lost anything.
 const LEAST_SIDE: u32 = 128;
 
-/// How often the sides of these photographs are halved in a run that begins with small ones.
+/// Number of halvings for a run on these photographs that starts with small ones.
 pub fn halvings_for(photos: &[&Photo]) -> u32 {
     let side = photos.iter().map(|photo| photo.camera.width.max(photo.camera.height)).min().unwrap_or(0);
     (0..=HALVED_UNTIL.len() as u32).take_while(|&halvings| side >> halvings >= LEAST_SIDE).last().unwrap_or(0)
 }
 
-/// What to do about a photo that cannot be learned from on a device that binds `limit` bytes at once. Of all that a pixel takes
-/// the derivatives of its loss are the most.
+/// An error with advice for a photo that is too large for a device that binds `limit` bytes at once. The
+/// derivatives of the loss take the most bytes per pixel.
 fn too_large(photo: &Photo, limit: u64) -> Option<Error> {
     let Camera { width, height, .. } = photo.camera;
     let frame = Frame { image_first: 0, target_first: 0, width, height };
@@ -109,20 +112,20 @@ fn too_large(photo: &Photo, limit: u64) -> Option<Error> {
     )))
 }
 
-/// Points that a first scene is made of.
+/// Points of the first scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstPoints {
-    /// Scene units and 8-bit sRGB.
+    /// Positions in scene units, and 8-bit sRGB colours.
     pub cloud: PointCloud,
-    /// The dataset's own number of sparse points; `None` where it has none and the points are random.
+    /// Number of sparse points in the dataset; `None` if it has none and the points are random.
     pub sparse: Option<usize>,
 }
 
-/// The dataset's sparse points, else random ones.
+/// The dataset's sparse points, or random ones if there are none.
 ///
-/// With a `limit`, more sparse points than that are thinned to a random selection in their order, and random points are that
-/// many. Without one all sparse points are taken, and [`RANDOM_POINTS_PER_PIXEL`] times as many random ones as the largest
-/// training photo has pixels, at most [`MAX_RANDOM_POINTS`].
+/// With a `limit`, sparse points beyond it are thinned at random, keeping their order, and the number of
+/// random points is `limit`. Without one, all sparse points are taken; the number of random points is
+/// [`RANDOM_POINTS_PER_PIXEL`] times the pixels of the largest training photo, at most [`MAX_RANDOM_POINTS`].
 pub fn first_points(dataset: &Dataset, limit: Option<usize>, seed: u64) -> FirstPoints {
     match &dataset.points {
         Some(cloud) => {
@@ -149,10 +152,10 @@ pub fn first_points(dataset: &Dataset, limit: Option<usize>, seed: u64) -> First
     }
 }
 
-/// The photos of a split, all for `None`.
+/// The photos of a split; all photos for `None`.
 ///
 /// # Errors
-/// [`Error::Usage`] where there is none.
+/// [`Error::Usage`] if there are none.
 pub fn photos_of(dataset: &Dataset, split: Option<Split>) -> Result<Vec<&Photo>> {
     let photos: Vec<&Photo> =
         dataset.photos.iter().filter(|photo| split.is_none_or(|split| photo.split == split)).collect();
@@ -212,7 +215,7 @@ mod tests {
         }
     }
 
-    /// It was "buffer targets needs 168820736 bytes".
+    /// The error used to be "buffer targets needs 168820736 bytes".
     #[test]
     fn a_photo_that_does_not_fit_is_told_what_would() {
         let mut photo = dataset(None).photos.swap_remove(0);

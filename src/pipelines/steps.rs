@@ -1,4 +1,4 @@
-//! Runs many recorded steps without waiting for any one of them.
+//! Runs a loop of recorded steps with several submissions in flight.
 
 use std::{
     collections::VecDeque,
@@ -15,85 +15,86 @@ use crate::{
     },
 };
 
-/// Submissions that may be on their way at once: one runs while the next is recorded.
+/// Maximum number of submissions in flight: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
-/// How long a submission takes at most, as far as that is known from those before it and a step takes no longer: whoever waits for what is on
-/// its way, as at the end, waits twice as long, and drivers end what takes seconds.
+/// Target duration of a submission, estimated from the previous ones; a single step may take longer. Waiting
+/// for all work in flight takes twice as long, and drivers abort work that takes seconds.
 const LONGEST: Duration = Duration::from_millis(500);
-/// Of so many submissions one is timed: enough to see how a long run changes, few enough to cost nothing.
+/// One submission in this number is timed: enough to see changes over a long run, few enough to cost nothing.
 const TIMED_OF: usize = 8;
-/// So many are timed at first, as they are short.
+/// Number of timed submissions at the start, as these are short.
 const TIMED_FIRST: usize = 5;
-/// Where less than one part in so many of the room is left, more is made: steps that do not fit cost nearly as much as those that
-/// do, and two submissions of them are on their way before it is seen. What steps need grows more slowly than that.
+/// Room grows once less than one part in this number is left. Steps that do not fit cost nearly as much as
+/// steps that do, and two submissions of them are in flight before the host notices. The need of steps grows
+/// more slowly than that.
 const SPARE: u32 = 8;
 
-/// Something that is done step by step.
+/// A loop body, run step by step.
 pub trait Looped {
-    /// Records step `step`, all but the counting of it.
+    /// Records step `step`, except for counting it.
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()>;
 
-    /// Makes room where the device found too little; nothing is in flight.
+    /// Makes room after a step did not fit; nothing is in flight.
     fn grow(&mut self, resource: Resource, needed: u32) -> Result<()>;
 
-    /// Makes room for more intersections than `needed`, which fit, so that more will; nothing is in flight. An error where that would
-    /// change more than the room, how gradients are added up above all.
+    /// Makes more room ahead of time, for `needed` intersections that still fit; nothing is in flight. An
+    /// error if this would change more than the room, above all the reduction of gradients.
     fn grow_early(&mut self, needed: u32) -> Result<()> {
         self.grow(Resource::Intersections, needed)
     }
 
-    /// For how many intersections there is room, where [`Looped::grow_early`] can make more.
+    /// Room for intersections, if [`Looped::grow_early`] can make more.
     fn room(&self) -> u32 {
         u32::MAX
     }
 }
 
-/// The device's status words and where the host reads them late.
+/// Drives a loop of steps: the device's status words, and their copies that the host reads later.
 pub struct Steps {
     context: Context,
-    /// Given to every stage that asks for `status`.
+    /// Status words for every stage that needs `status`.
     pub status: Buffer<u32>,
     readback: [Buffer<u32>; IN_FLIGHT],
-    /// Steps in one command buffer at most.
+    /// Maximum number of steps per command buffer.
     most: u32,
-    /// How long one is to take at most.
+    /// Target duration of a command buffer.
     longest: Duration,
-    /// Steps in the next one.
+    /// Number of steps in the next one.
     batch: u32,
     done: step_done::Stage,
     run: Run,
 }
 
-/// A loop on its way.
+/// State of a running loop.
 #[derive(Default)]
 struct Run {
     total: u32,
-    /// Steps that may be recorded before the loop is let go on.
+    /// Steps beyond this one are not recorded yet.
     until: u32,
     next: u32,
     submitted: usize,
     timed: bool,
-    /// Too little room is left: nothing is submitted until there is more.
+    /// Too little room is left: no more submissions until there is more.
     tight: bool,
-    /// There was no more to be had before it is needed.
+    /// More room was not available.
     full: bool,
     in_flight: VecDeque<Flight>,
-    /// When the last submission was seen to be done.
+    /// Time at which the last submission was found to be done.
     seen: Option<Instant>,
     report: StepReport,
 }
 
-/// A submission on its way.
+/// A submission in flight.
 struct Flight {
     submission: Submission,
-    /// Of `readback`.
+    /// Index in `readback`.
     ring: usize,
     steps: u32,
     begun: Instant,
 }
 
 impl Run {
-    /// With nothing on its way, once `done` steps were and there is room or no more to be had; `grown`: more was made.
+    /// Resumes the loop after `done` steps, with nothing in flight; `grown` tells whether room was added.
     fn go_on(&mut self, status: &Buffer<u32>, done: u32, grown: bool) -> Result<()> {
         self.tight = false;
         self.report.grown += u32::from(grown);
@@ -101,17 +102,18 @@ impl Run {
     }
 }
 
-/// What a loop did.
+/// Results of a loop.
 #[derive(Debug, Default)]
 pub struct StepReport {
-    /// How often something was too small and was made larger.
+    /// Number of times that something was too small and grew.
     pub grown: u32,
-    /// Time of each stage on the device, in the order of recording, of the steps that were timed: some all through the run.
+    /// Device time of each stage in the timed steps, in order of recording. Timed steps are spread over the
+    /// run.
     pub stages: Vec<StageTime>,
 }
 
 impl StepReport {
-    /// Mean milliseconds a step of each stage, in the order in which they first ran.
+    /// Mean milliseconds per step of each stage, in the order of their first run.
     pub fn milliseconds(&self) -> Vec<(&'static str, f64)> {
         // Every step ends with one of these.
         let steps = self.stages.iter().filter(|t| t.name == step_done::Kernel::NAME).count().max(1);
@@ -128,8 +130,8 @@ impl StepReport {
 }
 
 impl Steps {
-    /// For submissions of up to `most` steps each: the first has one, and those that follow up to twice as many as the one before, as long
-    /// as that takes no longer than half a second.
+    /// For submissions of up to `most` steps. The first has one step; each later one has up to twice the
+    /// previous number, as long as it takes at most half a second.
     pub fn new(context: &Context, most: u32) -> Result<Self, GpuError> {
         let readback =
             |i: usize| Buffer::new(context, &format!("status_readback_{i}"), words::WORDS, Location::Readback);
@@ -145,19 +147,20 @@ impl Steps {
         })
     }
 
-    /// Begins a loop of steps 0..`total`. With `timed`, the stages of some submissions are timed.
+    /// Starts a loop of steps 0..`total`. With `timed`, the stages of some submissions are timed.
     pub fn start(&mut self, total: u32, timed: bool) -> Result<()> {
         self.start_at(0, total, timed)
     }
 
-    /// The same of a loop whose first `done` steps an earlier run did.
+    /// Starts a loop whose first `done` steps an earlier run did.
     pub fn start_at(&mut self, done: u32, total: u32, timed: bool) -> Result<()> {
         self.status.upload(0, &Status::of_steps(done).0)?;
         self.run = Run { total, until: total, next: done, timed, ..Run::default() };
         Ok(())
     }
 
-    /// Of a loop of which nothing is on its way: `done` steps of `total` are done from now on. What it did stays in its report.
+    /// Renumbers a loop with nothing in flight: `done` steps of `total` are now done. The report so far
+    /// stays.
     pub fn count_anew(&mut self, done: u32, total: u32) -> Result<()> {
         let Run { timed, submitted, report, .. } = mem::take(&mut self.run);
         self.start_at(done, total, timed)?;
@@ -165,18 +168,19 @@ impl Steps {
         Ok(())
     }
 
-    /// Submissions are to take no longer than this, if it is less than half a second.
+    /// Limits the duration of submissions to `longest`, or half a second if that is less.
     pub fn last_at_most(&mut self, longest: Duration) {
         self.longest = longest.min(LONGEST);
     }
 
-    /// Lets the loop go on to step `step` and no further: [`Steps::advance`] then has nothing more to do.
+    /// Lets the loop run up to step `step`; [`Steps::advance`] then has nothing more to do.
     pub fn go_on_to(&mut self, step: u32) {
         self.run.until = step.min(self.run.total);
     }
 
-    /// Keeps submissions on their way until one is done; the number of finished steps, or `None` once all are. Where a step
-    /// needed more room than there was, nothing after it took effect: `work` makes room and the loop goes on from that step.
+    /// Keeps submissions in flight until one is done. Returns the number of finished steps, or `None` once
+    /// all are. If a step ran out of room, nothing after it took effect: `work` makes room, and the loop
+    /// repeats from that step.
     pub fn advance(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
         let Steps { context, status, readback, batch, done, run, .. } = self;
         while !run.tight && run.next < run.until && run.in_flight.len() < IN_FLIGHT {
@@ -199,24 +203,24 @@ impl Steps {
         self.collect(work)
     }
 
-    /// Waits for all that is on its way: how many steps are done by then. The loop can go on.
+    /// Waits for all work in flight, and returns the number of finished steps. The loop can continue.
     pub fn settle(&mut self, work: &mut impl Looped) -> Result<u32> {
         while self.collect(work)?.is_some() {}
         Ok(self.run.next)
     }
 
-    /// Waits for the oldest submission; `None` where none is on its way.
+    /// Waits for the oldest submission; `None` if nothing is in flight.
     fn collect(&mut self, work: &mut impl Looped) -> Result<Option<u32>> {
         let Steps { status, readback, run, .. } = self;
         let Some(Flight { submission, ring, steps, begun }) = run.in_flight.pop_front() else { return Ok(None) };
         let stages = submission.wait()?;
-        // It may have waited for the one before it.
+        // It may have waited for the previous submission.
         let now = Instant::now();
         let took = now - run.seen.replace(now).map_or(begun, |seen| seen.max(begun));
         let found = Status::read(readback[ring].mapped());
         let asked = found.asked(Resource::Intersections);
         if !found.failed() {
-            // Only of these: steps after one that does not fit do a part of their work.
+            // Failed submissions are not timed: steps after the failure do only a part of their work.
             run.report.stages.extend(stages);
             self.batch = next_batch(self.batch, steps, took, self.longest).min(self.most);
             let room = work.room();
@@ -225,21 +229,21 @@ impl Steps {
                 tracing::debug!(step = found.steps(), asked, room, "making room in time");
                 match work.grow_early(asked) {
                     Ok(()) => {}
-                    // What fits goes on where there is no more room, as far as it does.
+                    // Without more room, continue as long as steps fit.
                     Err(_) if work.room() >= asked => run.full = true,
-                    // Not even what there was came back.
+                    // Not even the old room could be made again.
                     Err(_) => work.grow(Resource::Intersections, asked)?,
                 }
                 let grown = !run.full;
                 run.go_on(status, found.steps(), grown)?;
             }
         } else {
-            // Later submissions changed nothing either; let them drain, then go back to the step that did not fit.
+            // Later submissions had no effect either: drain them, then go back to the step that did not fit.
             run.in_flight.clear();
-            // Before there is room: where there is none, this many steps are what there is.
+            // Set this first: if growing fails, this number of steps is valid.
             // guard: steps that did not fit are done again
             run.next = found.steps();
-            // The next is timed: the one that failed may have been, and be the only one.
+            // Time the next submission: the failed one may have been the only timed one.
             run.submitted = run.submitted.next_multiple_of(TIMED_OF);
             for (resource, needed) in found.needs() {
                 tracing::debug!(step = found.steps(), %resource, needed, "making room");
@@ -250,7 +254,7 @@ impl Steps {
         Ok(Some(found.steps()))
     }
 
-    /// Ends the loop before its last step, once what is on its way is done: how many steps were.
+    /// Ends the loop early, once work in flight is done. Returns the number of finished steps.
     pub fn stop(&mut self) -> Result<u32> {
         for Flight { submission, ring, .. } in mem::take(&mut self.run.in_flight) {
             let stages = submission.wait()?;
@@ -262,12 +266,12 @@ impl Steps {
         Ok(Status::read(&self.status.download()?).steps())
     }
 
-    /// What the loop did so far; the next begins anew.
+    /// Takes the results so far; the next report starts empty.
     pub fn report(&mut self) -> StepReport {
         mem::take(&mut self.run.report)
     }
 
-    /// Runs a whole loop; `progress` is called with the number of finished steps.
+    /// Runs a whole loop; calls `progress` with the number of finished steps.
     pub fn run(
         &mut self,
         total: u32,
@@ -283,7 +287,8 @@ impl Steps {
     }
 }
 
-/// Steps in the next submission, after one of `steps` steps took so long where `batch` were allowed.
+/// Number of steps in the next submission, given that the last one had `steps` steps (`batch` were allowed)
+/// and took `took`.
 fn next_batch(batch: u32, steps: u32, took: Duration, longest: Duration) -> u32 {
     let each = took.as_secs_f64() / f64::from(steps.max(1));
     let fit = (longest.as_secs_f64() / each.max(1e-9)) as u32;

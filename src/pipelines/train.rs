@@ -1,7 +1,8 @@
 //! Trains Gaussians on photographs: render → loss → backward → step, all on the device.
 //!
-//! [`Trainer`] is the loop of both the base scene (method, section 2; their number is `density`'s to change) and the joint phase
-//! (section 5, `join`): they differ in which Gaussians learn what, and how fast.
+//! [`Trainer`] is the loop of both the base scene (method, section 2; `density` changes the number of
+//! Gaussians) and the joint phase (section 5, `join`). They differ in the parameters that learn, and in their
+//! rates.
 
 use std::time::Duration;
 
@@ -29,54 +30,54 @@ use crate::{
     stages::{ssim::tiles_per_frame, status::Resource, types::Loss},
 };
 
-/// Steps recorded into one command buffer at most: enough that submitting costs nothing, few enough that progress is seen and a
-/// replay after growth is short.
+/// Maximum number of steps per command buffer: enough that submitting costs nothing, few enough that progress
+/// is visible and a replay after growth is short.
 const BATCH: u32 = 16;
 
-/// What a step is made of besides its views.
+/// Settings of a step, apart from its views.
 #[derive(Debug, Clone, Copy)]
 pub struct StepPlan {
-    /// Of this step, per parameter class.
+    /// Learning rates per parameter class.
     pub rates: Rates,
     /// SH bands in use.
     pub active_degree: u32,
 }
 
-/// Everything that a training loop needs, made once, and the loop itself.
+/// Pipelines and buffers of a training loop, made once, and the loop itself.
 pub struct Trainer {
     work: Training,
     steps: Steps,
 }
 
-/// One step after another.
+/// The body of the loop: one training step.
 struct Training {
     renderer: Renderer,
     loss: Photometric,
     tiles_per_frame: u32,
     learners: Vec<Learner>,
-    /// The views of step t are `schedule[t * views_per_step..][..views_per_step]`.
+    /// Step t sees the views `schedule[t * views_per_step..][..views_per_step]`.
     schedule: Vec<u32>,
     views_per_step: u32,
     plan: Box<dyn Fn(u32) -> StepPlan + Send>,
     background: [f32; 3],
     density: Option<Density>,
     exposure: Option<Exposure>,
-    /// Segments may come to have other numbers of Gaussians while it goes on.
+    /// The number of Gaussians in a segment may change during the loop.
     varies: bool,
-    /// Steps of some learner are Newton's.
+    /// Some learner uses Newton's steps.
     newton: bool,
 }
 
-/// What a training loop did.
+/// Results of a training loop.
 #[derive(Debug)]
 pub struct TrainReport {
-    /// How many, and their times.
+    /// Number of growths, and times of the stages.
     pub steps: StepReport,
     /// Loss of every view of every step, before the step.
     pub losses: Vec<f32>,
 }
 
-/// A training step on a model and the views it is trained on.
+/// A training step together with the model and views it runs on.
 struct On<'a> {
     training: &'a mut Training,
     model: &'a Model,
@@ -84,12 +85,12 @@ struct On<'a> {
 }
 
 impl Trainer {
-    /// For steps on `model` that see `views_per_step` of `views` each, in the order of `schedule`, whose photographs are the
-    /// targets; `plan` says what each step moves.
+    /// For steps on `model` that see `views_per_step` of `views` each, in the order of `schedule`; the views'
+    /// photographs are the targets. `plan` returns the rates of each step.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the schedule names a view that is not there or is not of whole steps, or where model and views
-    /// have different origins; else what the device lacks.
+    /// [`Error::Usage`] if the schedule names a missing view or does not divide into steps, or if model and
+    /// views have different origins; otherwise an error of the device.
     pub fn new(
         session: &Session,
         model: &Model,
@@ -114,7 +115,7 @@ impl Trainer {
         }
         model.check_origin(views)?;
         let context = &session.context;
-        // What the model has room for may never be there.
+        // The model's spare room may never be used.
         let render =
             RenderOptions { backward: true, first: Some(model.count()), policy: session.policy, ..Default::default() };
         let needs = Needs::at(model, 0..=model.sh_degree);
@@ -147,21 +148,21 @@ impl Trainer {
         })
     }
 
-    /// What its steps go through.
+    /// The raster of all its steps.
     pub fn raster(&self) -> &Raster {
         &self.work.renderer.raster
     }
 
-    /// Begins, or begins anew with what has been learned so far.
+    /// Starts the loop, or starts it again from the current parameters.
     pub fn start(&mut self, timed: bool) -> Result<()> {
         self.steps.start(self.total(), timed)
     }
 
-    /// Begins where [`Trainer::checkpoint`] left off: `model`'s parameters and the moments become those that it kept. What follows
-    /// has the bits of a run that went on. Waits.
+    /// Resumes from a [`Trainer::checkpoint`]: restores `model`'s parameters and the moments. The result has
+    /// the same bits as an uninterrupted run. Waits.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the checkpoint is of another model or schedule, upon which nothing has changed.
+    /// [`Error::Usage`] if the checkpoint is of another model or schedule; then nothing has changed.
     pub fn resume(&mut self, model: &Model, checkpoint: &Checkpoint, timed: bool) -> Result<()> {
         let (step, total) = (checkpoint.step, self.total());
         if step > total {
@@ -200,7 +201,7 @@ impl Trainer {
         self.steps.start_at(step, total, timed)
     }
 
-    /// What was learned so far, and all that the steps to come need of it. Waits; the loop can go on.
+    /// Checkpoint of everything that the remaining steps need. Waits; the loop can continue.
     pub fn checkpoint(&mut self, model: &Model, views: &Views) -> Result<Checkpoint> {
         let step = self.settle(model, views)?;
         let mut checkpoint = Checkpoint::new(step);
@@ -221,21 +222,21 @@ impl Trainer {
         Ok(checkpoint)
     }
 
-    /// Steps of the whole schedule.
+    /// Total number of steps in the schedule.
     pub fn total(&self) -> u32 {
         self.work.total()
     }
 
-    /// A checkpoint may have more or fewer Gaussians than the model at the start.
+    /// Accepts checkpoints with another number of Gaussians than the initial model.
     pub fn let_counts_vary(&mut self) {
         self.work.varies = true;
     }
 
-    /// Has an affine map of colours for each of `views` learned beside the scene, see [`exposure`](super::exposure). Of a loop that has
-    /// not begun; they are in its checkpoints.
+    /// Enables exposure correction: learns an affine map of colours for each of `views`, see
+    /// [`exposure`](super::exposure). Call it before the loop starts; checkpoints include the maps.
     ///
     /// # Errors
-    /// [`Error::Usage`] where a step sees several views; else what the device lacks.
+    /// [`Error::Usage`] if a step sees several views; otherwise an error of the device.
     pub fn correct_exposure(&mut self, session: &Session, views: &Views) -> Result<()> {
         if self.work.views_per_step != 1 {
             return Err(Error::Usage("exposure is corrected in steps of one view only".into()));
@@ -244,58 +245,61 @@ impl Trainer {
         Ok(())
     }
 
-    /// The map of each view, rows of (M | b), if there are any. Waits.
+    /// The map of each view, rows of (M | b), if exposure correction is on. Waits.
     pub fn exposures(&self) -> Result<Option<Vec<[f32; 12]>>> {
         self.work.exposure.as_ref().map(Exposure::download).transpose()
     }
 
-    /// Lets the loop go on to step `step` and no further: [`Trainer::advance`] then has nothing more to do until it is let go on.
+    /// Lets the loop run up to step `step`; [`Trainer::advance`] then has nothing more to do until the limit
+    /// is raised.
     pub fn go_on_to(&mut self, step: u32) {
         self.steps.go_on_to(step);
     }
 
-    /// Goes on until some steps are done: how many are by now, or `None` once all are. `model` and `views` are those that it was
-    /// made for.
+    /// Runs until some steps are done. Returns their number so far, or `None` once all are. `model` and
+    /// `views` must be those passed to [`Trainer::new`].
     pub fn advance(&mut self, model: &Model, views: &Views) -> Result<Option<u32>> {
         self.steps.advance(&mut On { training: &mut self.work, model, views })
     }
 
-    /// Waits for all that is on its way: how many steps are done by then. The loop can go on.
+    /// Waits for all work in flight, and returns the number of finished steps. The loop can continue.
     pub fn settle(&mut self, model: &Model, views: &Views) -> Result<u32> {
         self.steps.settle(&mut On { training: &mut self.work, model, views })
     }
 
-    /// What is submitted to the device is to take no longer than this at once, as far as a step does not; half a second at most.
+    /// Limits the duration of a submission, unless a single step takes longer; half a second at most.
     pub fn submit_at_most(&mut self, longest: Duration) {
         self.steps.last_at_most(longest);
     }
 
-    /// Losses of the views of the first `steps` steps, which are done.
+    /// Losses of the views of the first `steps` steps, all of them finished.
     pub fn losses(&self, steps: u32) -> Vec<f32> {
         let seen = (steps * self.work.views_per_step) as usize;
         self.work.loss.losses.mapped().iter().take(seen.min(self.work.schedule.len())).map(|l| l.total).collect()
     }
 
-    /// Means over the last `views` views of the first `steps` steps, which are done: of the loss and of the PSNR \[dB\] (pixels that a
-    /// mask leaves out count as right), each before its step. None where there was none since the run was begun or resumed.
+    /// Means of loss and PSNR \[dB\] over the last `views` views of the first `steps` steps, all of them
+    /// finished. Each value is from before its step; masked pixels count as correct. `None` if no step has
+    /// run since the start or resume.
     pub fn lately(&self, steps: u32, views: usize) -> Option<[f64; 2]> {
         let seen = ((steps * self.work.views_per_step) as usize).min(self.work.schedule.len());
         let losses = &self.work.loss.losses.mapped()[seen.saturating_sub(views)..seen];
         let known: Vec<&Loss> = losses.iter().filter(|loss| loss.squared.is_finite()).collect();
         let mean = |of: fn(&Loss) -> f64| known.iter().map(|loss| of(loss)).sum::<f64>() / known.len() as f64;
-        // 150 dB are as good as none.
+        // Clamped to 150 dB.
         let psnr = |loss: &Loss| -10.0 * f64::from(loss.squared).max(1e-15).log10();
         (!known.is_empty()).then(|| [mean(|loss| loss.total.into()), mean(psnr)])
     }
 
-    /// Gaussians of the base as density control last left them; None before its first refinement. Does not wait.
+    /// Number of base Gaussians after the last refinement of density control; `None` before the first. Does
+    /// not wait.
     pub fn gaussians(&self) -> Option<u32> {
         let [told] = self.work.density.as_ref()?.told.mapped()[..] else { return None };
         (told > 0).then_some(told)
     }
 
-    /// Makes a loop of [`dense_trainer`] one of another number of steps, of which `done` count as done, with all that was learned.
-    /// Waits.
+    /// Changes the length of a loop of [`dense_trainer`], of which `done` steps then count as done; keeps all
+    /// learned parameters. Waits.
     pub fn replan(
         &mut self,
         session: &Session,
@@ -311,13 +315,13 @@ impl Trainer {
         self.follow(session, schedule, plan, done)
     }
 
-    /// Stands still: how many steps are done. Waits.
+    /// Stops the loop, and returns the number of finished steps. Waits.
     pub(super) fn halt(&mut self) -> Result<u32> {
         self.steps.stop()
     }
 
-    /// Another course, of which `done` steps count as done, with all that was learned. Of the losses the last ones stay; where there are
-    /// too few, the first stands for those before it. Waits.
+    /// Switches to another schedule, of which `done` steps count as done; keeps all learned parameters. The
+    /// last losses stay; if there are too few, the first one is repeated before them. Waits.
     pub(super) fn follow(
         &mut self,
         session: &Session,
@@ -337,18 +341,18 @@ impl Trainer {
         self.steps.count_anew(done, self.total())
     }
 
-    /// What was done.
+    /// Results so far.
     pub fn report(&mut self) -> TrainReport {
         TrainReport { losses: self.losses(self.total()), steps: self.steps.report() }
     }
 
-    /// Ends the loop before its last step, and tells of the steps that were done. Waits.
+    /// Ends the loop early, and returns the results so far. Waits.
     pub fn stop(&mut self) -> Result<TrainReport> {
         let done = self.steps.stop()?;
         Ok(TrainReport { losses: self.losses(done), steps: self.steps.report() })
     }
 
-    /// Runs all steps; `progress` is called with the number of finished ones.
+    /// Runs all steps; calls `progress` with the number of finished steps.
     pub fn run(
         &mut self,
         model: &Model,
@@ -372,13 +376,14 @@ impl Training {
         self.schedule.len() as u32 / self.views_per_step
     }
 
-    /// Those of the first steps. Of their parts nothing is known.
+    /// Stores the losses of the first steps; their components are unknown.
     fn write_losses(&mut self, losses: &[f32]) {
         let whole = |&total: &f32| Loss { l1: f32::NAN, squared: f32::NAN, ssim: f32::NAN, total };
         self.loss.losses.write_mapped(&losses.iter().map(whole).collect::<Vec<_>>());
     }
 
-    /// Everything that a learner and density control change, by its name in a checkpoint: parameters, their moments, scores.
+    /// Everything that a learner and density control change, by name in a checkpoint: parameters, moments,
+    /// scores.
     fn learned<'a>(&'a self, model: &'a Model, learner: &'a Learner) -> Vec<(String, &'a Planes)> {
         let part = model.part(learner.lesson.segment);
         let segment = match learner.lesson.segment {
@@ -387,7 +392,7 @@ impl Training {
         };
         let [geometry, sh, lobes] = learner.moments.all();
         let all = [(GEOMETRY, &part.geometry, geometry), (SH, &part.sh, sh), (LOBES, &part.lobes, lobes)];
-        // What has no moments is frozen.
+        // Parameters without moments are frozen.
         let moving = all.into_iter().filter(|(.., moments)| moments.planes() > 0);
         let named = moving.flat_map(|(what, planes, moments)| {
             [(format!("{segment}.{what}"), planes), (format!("{segment}.{what}_moments"), moments)]
@@ -398,7 +403,7 @@ impl Training {
 }
 
 impl On<'_> {
-    /// What the loss compares in one view.
+    /// Inputs of the loss for one view.
     fn batch(&self, view: u32) -> Batch<'_> {
         let On { training, views, .. } = self;
         let blended = &training.renderer.raster.buffers.image;
@@ -412,12 +417,12 @@ impl On<'_> {
         }
     }
 
-    /// Of Newton's steps one in [`PROBED_NTH`].
+    /// One Newton step in [`PROBED_NTH`] is probed.
     fn is_probed(&self, step: u32) -> bool {
         self.training.newton && step.is_multiple_of(PROBED_NTH)
     }
 
-    /// The gradient records of one view.
+    /// Records the gradient records of one view.
     fn record_view(&self, recorder: &mut Recorder, at: u32, degree: u32, status: &Buffer<u32>) -> Result<Grid> {
         let On { training, model, views } = self;
         let Training { renderer, loss, .. } = &**training;
@@ -430,12 +435,12 @@ impl On<'_> {
             exposure.record_apply(recorder, views, view, buffers);
         }
         loss.record_forward(recorder, &batch, Tiles::All, None);
-        // Segments before the first that learns more than its opacity need no other gradient.
+        // Leading segments that only learn opacities need no other gradient.
         let frozen = training.learners.iter().take_while(|l| l.lesson.opacity_only).count() as u32;
         let blend_backward = |recorder: &mut Recorder| {
             renderer.raster.record_blend_backward(recorder, &grid, &views.frames, &model.population, frozen);
         };
-        // Where steps are Newton's, each sees one view: `at` is its number.
+        // Newton's steps see one view each, so `at` is the number of the step.
         if self.is_probed(at) {
             let pixels = views.cameras[view as usize].pixels();
             loss.record_probe(recorder, &batch, &buffers.image_grad, pixels, at);
@@ -508,7 +513,7 @@ impl Looped for On<'_> {
     }
 }
 
-/// `steps` views in random permutations of 0..`views`: every view once before any comes again.
+/// `steps` views in random permutations of 0..`views`: no view repeats before all were seen.
 pub fn permutations(views: u32, steps: u32, seed: u64) -> Vec<u32> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut order: Vec<u32> = (0..views).collect();
@@ -520,52 +525,54 @@ pub fn permutations(views: u32, steps: u32, seed: u64) -> Vec<u32> {
     schedule
 }
 
-/// The base scene's schedule (3DGS, method section 2): position rate falling log-linearly over the run, SH bands one by one.
+/// Options of the base scene's schedule (3DGS, method section 2): the rate of positions falls log-linearly
+/// over the run, and SH bands are added one by one.
 #[derive(Debug, Clone, Copy)]
 pub struct BaseOptions {
     /// Steps, of one view each.
     pub iterations: u32,
-    /// Index of a [color model](color::MODELS).
+    /// Degree of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
-    /// Part of the schedule that was over before the first step: 0, or for Gaussians that have learned [`LEARNED`].
+    /// Fraction of the schedule to skip: 0, or [`LEARNED`] for Gaussians that are already trained.
     pub begins: f64,
 }
 
-/// Parts of a run until which views of half and of a quarter of the size stand in for photographs that have them.
+/// Fractions of a run until which the photographs are at most half and at most a quarter of their size, if
+/// halved ones exist.
 pub const HALVED_UNTIL: [f64; 2] = [0.7, 0.3];
 
-/// How often the sides of the photographs are halved that a run sees where `part` of it is over, of views that have up to `most`.
+/// Number of halvings of the photographs at the fraction `part` of a run, if `most` exist.
 pub fn halvings_at(part: f64, most: u32) -> u32 {
     HALVED_UNTIL.iter().take(most as usize).filter(|&&until| part < until).count() as u32
 }
 
-/// Where Gaussians that have learned take up a schedule again.
+/// Fraction of the schedule that trained Gaussians skip.
 pub const LEARNED: f64 = 0.5;
 
 impl Default for BaseOptions {
-    /// 3DGS's.
+    /// 3DGS's options.
     fn default() -> Self {
         BaseOptions { iterations: 30_000, sh_degree: 3, begins: 0.0 }
     }
 }
 
 impl BaseOptions {
-    /// The part of the schedule that is over where `part` of the run is, both 0 to 1.
+    /// Fraction of the schedule at the fraction `part` of the run, both 0 to 1.
     pub fn part_of(&self, part: f64) -> f64 {
         self.begins + (1.0 - self.begins) * part
     }
 
-    /// The part of the schedule that is over before step `step`, 0 to 1.
+    /// Fraction of the schedule before step `step`, 0 to 1.
     pub fn part(&self, step: u32) -> f64 {
         self.part_of(f64::from(step) / f64::from(self.iterations.max(1)))
     }
 
-    /// What step `step` does; `extent` is the session's.
+    /// Settings of step `step`; `extent` is the session's.
     pub fn plan(&self, extent: f32, step: u32) -> StepPlan {
         let t = self.part(step);
         let (start, end) = (1.6e-4f64, 1.6e-6f64);
         let mean = (start.ln() * (1.0 - t) + end.ln() * t).exp() as f32 * extent;
-        // One band more each 1000 of 30,000 steps; shorter runs keep the proportion.
+        // One more band every 1000 of 30,000 steps; shorter runs scale the interval.
         let interval = (self.iterations / 30).clamp(1, 1000);
         let colors = color::of(self.sh_degree);
         StepPlan {
@@ -578,7 +585,7 @@ impl BaseOptions {
                 sh: colors.rate,
                 ..Default::default()
             },
-            // A scene that has learned has all its bands; only harmonics have bands.
+            // Trained Gaussians use all bands from the start; only harmonics have bands.
             active_degree: match colors.harmonics {
                 Some(degree) if self.begins == 0.0 => degree.min(step / interval),
                 _ => self.sh_degree,
@@ -587,13 +594,15 @@ impl BaseOptions {
     }
 }
 
-/// A loop that trains all plain Gaussians of `model` on all of `views`, which have photographs, in a fixed number.
+/// A loop that trains all plain Gaussians of `model` on all of `views`, whose photographs must be uploaded.
+/// Their number is fixed.
 pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &BaseOptions) -> Result<Trainer> {
     let fixed = DensityOptions { strategy: Strategy::Fixed, limit: 0, first: 0, iterations: options.iterations };
     dense_trainer(session, model, views, options, &fixed)
 }
 
-/// The same, with density control as `density` has it: of `options.iterations` steps, in a model with room for its limit.
+/// A loop of `options.iterations` steps with density control; `model` needs room for `density.limit`
+/// Gaussians.
 pub fn dense_trainer(
     session: &Session,
     model: &Model,
@@ -616,7 +625,8 @@ pub fn dense_trainer(
     Ok(trainer)
 }
 
-/// The views of a run of [`dense_trainer`], small ones first where there are any, and what each step does.
+/// The schedule of views for [`dense_trainer`], small photographs first if there are any, and the settings of
+/// each step.
 fn course(
     session: &Session,
     views: &Views,
@@ -635,7 +645,7 @@ fn course(
     (schedule, plan)
 }
 
-/// The whole of [`base_trainer`]; `progress` is called with the number of finished steps.
+/// Runs [`base_trainer`] to the end; calls `progress` with the number of finished steps.
 pub fn train_base(
     session: &Session,
     model: &Model,

@@ -1,4 +1,4 @@
-//! Cameras, and the photographs they took, on the device.
+//! Cameras and their photographs on the device.
 
 use glam::DVec3;
 
@@ -12,35 +12,38 @@ use crate::{
     },
 };
 
-/// 3DGS clamps the Jacobian's x/z and y/z at 1.3 tan(fov/2): so many times half the image from the image's middle.
+/// 3DGS clamps the Jacobian's x/z and y/z at 1.3 tan(fov/2): this multiple of half the image, from the
+/// image's middle.
 pub(crate) const JACOBIAN_LIMIT: f64 = 1.3;
 
-/// Views 0..V, written once.
+/// Views 0..V, uploaded once.
 pub struct Views {
-    /// The cameras as kernels have them.
+    /// The cameras in the kernels' format.
     pub views: Buffer<View>,
-    /// Frame v is view v alone: its image begins at pixel 0 of the working image, its target where its photograph does.
+    /// Frame v is view v alone: its image starts at pixel 0 of the working image, its target at its
+    /// photograph.
     pub frames: Buffer<Frame>,
-    /// The same on the host.
+    /// Copy of `frames` on the host.
     pub frame_list: Vec<Frame>,
-    /// 8-bit RGBA of the photographs, in pages that the device can bind; no photograph lies in two.
+    /// 8-bit RGBA of the photographs, in pages that the device can bind; no photograph spans two.
     targets: Vec<Buffer<u32>>,
-    /// By view: the page of its photograph.
+    /// By view: index of its photograph's page.
     target_pages: Vec<usize>,
-    /// In coordinates that count from `origin`.
+    /// Cameras, in coordinates relative to `origin`.
     pub cameras: Vec<Camera>,
-    /// Photographs, if there are any: view v + k · `photos` is view v < `photos` with its sides halved k times.
+    /// Number of photographs, 0 if there are none: view v + k · `photos` is view v < `photos` with its sides
+    /// halved k times.
     pub photos: u32,
-    /// Where the device's coordinates begin, in the world. A model must be uploaded around the same.
+    /// World position of the device's coordinate origin. Models must use the same one.
     pub origin: DVec3,
 }
 
-/// Distance from the world's origin, in spreads of the cameras, beyond which coordinates are counted from their middle.
-/// Below it float32 keeps 24 − 4 bits of the spread: 1e-6, a thousandth of a pixel.
+/// Distance from the world's origin, in spreads of the cameras, beyond which coordinates are relative to the
+/// cameras' middle. Within it float32 keeps 24 − 4 bits of the spread: 1e-6, a thousandth of a pixel.
 const FAR: f64 = 16.0;
 
-/// Where coordinates on the device should begin: the world's origin, or, for scenes far from it (georeferenced ones), the
-/// middle of the cameras. At 1e6 units float32 has steps of 0.06, too coarse for poses and for learning.
+/// Coordinate origin for the device: the world's origin, or the middle of the cameras for scenes far from it
+/// (georeferenced ones). At 1e6 units float32 has steps of 0.06, too coarse for poses and for learning.
 pub fn origin_for(cameras: &[Camera]) -> DVec3 {
     let eyes: Vec<DVec3> = cameras.iter().map(Camera::eye).filter(|eye| eye.is_finite()).collect();
     let middle = eyes.iter().sum::<DVec3>() / eyes.len().max(1) as f64;
@@ -48,14 +51,15 @@ pub fn origin_for(cameras: &[Camera]) -> DVec3 {
     origin_around(middle, spread)
 }
 
-/// As [`origin_for`] of cameras within `spread` of `middle`.
+/// [`origin_for`] for cameras within `spread` of `middle`.
 pub fn origin_around(middle: DVec3, spread: f64) -> DVec3 {
     // guard: origin of a far scene; origin of a near scene
     if middle.length() > FAR * spread { middle } else { DVec3::ZERO }
 }
 
-/// Where the means of a scene that these cameras saw should begin ([`Scene::origin`](crate::scene::Scene::origin)). That is
-/// [`origin_for`], but the world's origin as long as float32 keeps 16 bits of the spread there: other programs know no other origin.
+/// Origin for the means of a scene seen by these cameras ([`Scene::origin`](crate::scene::Scene::origin)). It
+/// is [`origin_for`], except that the world's origin is used as long as float32 keeps 16 bits of the spread
+/// there: other programs know no other origin.
 pub fn scene_origin_for(cameras: &[Camera]) -> DVec3 {
     let origin = origin_for(cameras);
     let spread =
@@ -63,19 +67,20 @@ pub fn scene_origin_for(cameras: &[Camera]) -> DVec3 {
     if origin.length() > 16.0 * FAR * spread { origin } else { DVec3::ZERO }
 }
 
-/// The camera of an image whose sides are halved so many times, rounded, a pixel at least.
+/// The camera of an image with sides halved `halvings` times, rounded, at least one pixel.
 pub(super) fn halved(camera: &Camera, halvings: u32) -> Camera {
     let side = |pixels: u32| ((f64::from(pixels) / 2f64.powi(halvings as i32)).round() as u32).max(1);
     camera.resized(side(camera.width), side(camera.height))
 }
 
 impl Views {
-    /// `photographs` are 8-bit RGB, row-major, one for each camera and of its size, or none at all. Waits.
+    /// Uploads cameras and `photographs`: 8-bit RGB, row-major, one per camera and of its size, or none at
+    /// all. Waits.
     pub fn upload(context: &Context, cameras: &[Camera], photographs: &[&[u8]]) -> Result<Self> {
         Self::upload_around(context, DVec3::ZERO, cameras, photographs)
     }
 
-    /// In coordinates that count from `origin` (world, float64), see [`origin_for`].
+    /// [`Views::upload`] in coordinates relative to `origin` (world, float64), see [`origin_for`].
     pub fn upload_around(context: &Context, origin: DVec3, cameras: &[Camera], photographs: &[&[u8]]) -> Result<Self> {
         let views = Self::without_photographs(context, origin, cameras, !photographs.is_empty())?;
         for (v, rgb) in photographs.iter().enumerate() {
@@ -84,26 +89,26 @@ impl Views {
         Ok(views)
     }
 
-    /// With room for photographs, that [`Views::upload_photograph`] brings: those of `cameras`, then all of them with sides halved once, and so
-    /// on, `halvings` times.
+    /// Makes room for photographs at several sizes, uploaded by [`Views::upload_photograph`]: those of
+    /// `cameras`, then all of them with sides halved once, and so on, `halvings` times.
     ///
     /// # Errors
-    /// As [`Views::without_photographs`].
+    /// Those of [`Views::without_photographs`].
     pub fn halved(context: &Context, origin: DVec3, cameras: &[Camera], halvings: u32) -> Result<Self> {
         let smaller = |halvings: u32| cameras.iter().map(move |camera| halved(camera, halvings));
         let all: Vec<Camera> = (0..=halvings).flat_map(smaller).collect();
         Ok(Views { photos: cameras.len() as u32, ..Self::without_photographs(context, origin, &all, true)? })
     }
 
-    /// How often the sides of photographs are halved at most.
+    /// Maximum number of halvings of the photographs.
     pub fn halvings(&self) -> u32 {
         (self.cameras.len() as u32).checked_div(self.photos).map_or(0, |sizes| sizes - 1)
     }
 
-    /// With room for photographs, if there will be any, that [`Views::upload_photograph`] brings.
+    /// Uploads cameras, with optional room for photographs; [`Views::upload_photograph`] uploads these.
     ///
     /// # Errors
-    /// [`GpuError::BufferTooLarge`] where a single photograph is more than the device binds at once.
+    /// [`GpuError::BufferTooLarge`] if a single photograph exceeds the device's limit for one buffer.
     pub fn without_photographs(
         context: &Context,
         origin: DVec3,
@@ -130,7 +135,7 @@ impl Views {
             pages[page] += pixels;
             target_pages.push(page);
         }
-        // One word stands for photographs that are not there.
+        // Without photographs, a page is one placeholder word.
         let page =
             |pixels: &usize| Buffer::new(context, "targets", if photographs { *pixels } else { 1 }, Location::Device);
         let list: Vec<View> = cameras.iter().map(|camera| view(camera, 0)).collect();
@@ -146,47 +151,47 @@ impl Views {
         })
     }
 
-    /// Brings the photograph of view `v`, packed by [`pack`], with A 0 where a pixel does not count. Waits.
+    /// Uploads the photograph of view `v`, packed by [`pack`], with alpha 0 for masked pixels. Waits.
     pub fn upload_photograph(&self, v: usize, packed: &[u32]) -> Result<()> {
         Ok(self.targets[self.target_pages[v]].upload(self.frame_list[v].target_first as usize, packed)?)
     }
 
-    /// Reads the photograph of view `v` back. Waits.
+    /// Downloads the photograph of view `v`. Waits.
     pub fn download_photograph(&self, v: usize) -> Result<Vec<u32>> {
         let (frame, page) = (&self.frame_list[v], &self.targets[self.target_pages[v]]);
         Ok(page.download_range(frame.target_first as usize, (frame.width * frame.height) as usize)?)
     }
 
-    /// The page that holds the photograph of view `v`.
+    /// The page with the photograph of view `v`.
     pub fn targets(&self, v: usize) -> &Buffer<u32> {
         &self.targets[self.target_pages[v]]
     }
 
-    /// The views after `v`, and `v` itself, whose photographs lie in the same page.
+    /// Number of views from `v` on, itself included, whose photographs lie in the same page.
     pub fn same_page(&self, v: usize) -> usize {
         self.target_pages[v..].iter().take_while(|&&page| page == self.target_pages[v]).count()
     }
 
-    /// Largest number of pixels of a view.
+    /// Maximum number of pixels of a view.
     pub fn max_pixels(&self) -> u32 {
         self.cameras.iter().map(Camera::pixels).max().unwrap_or(0)
     }
 }
 
-/// 8-bit RGB as the device holds photographs: RGBA, R in the low byte, A 255.
+/// Packs 8-bit RGB into the device's format: RGBA, R in the low byte, A 255.
 pub fn pack(rgb: &[u8]) -> Vec<u32> {
     rgb.chunks_exact(3).map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255])).collect()
 }
 
-/// Between which x/z the Jacobian is clamped, of a side of `pixels`. The limits follow the picture's own sides, not its principal point
-/// (gsplat, PR 305), so a Gaussian that is seen in a crop has the shape that it has in the whole picture.
+/// Limits of the Jacobian's x/z for a side of `pixels`. They follow the picture's own sides, not its
+/// principal point (gsplat, PR 305), so a Gaussian in a crop has the same shape as in the whole picture.
 fn slopes(pixels: u32, focal: f64, principal: f64) -> [f32; 2] {
     let middle = (f64::from(pixels) / 2.0 - principal) / focal;
     let reach = JACOBIAN_LIMIT * f64::from(pixels) / (2.0 * focal);
     [(middle - reach) as f32, (middle + reach) as f32]
 }
 
-/// The device's form of a camera whose pixels begin at `pixel_first` of buffers that pack all views.
+/// The kernels' format of a camera; `pixel_first` is the start of its pixels in buffers that pack all views.
 pub fn view(camera: &Camera, pixel_first: u32) -> View {
     let (r, t, eye) = (camera.rotation, camera.translation, camera.eye());
     let row = |i: usize| [r.row(i).x, r.row(i).y, r.row(i).z, t[i]].map(|x| x as f32);
@@ -233,7 +238,7 @@ mod tests {
         assert!(origin_for(&around(middle)).distance(middle) < 1e-6);
         assert_eq!(origin_for(&around(DVec3::new(9.0, 0.0, -9.0))), DVec3::ZERO);
         assert_eq!(origin_for(&[]), DVec3::ZERO);
-        // A file's coordinates are the world's for as long as float32 has enough of them.
+        // Files keep world coordinates as long as float32 has enough bits.
         assert!(scene_origin_for(&around(middle)).distance(middle) < 1e-6);
         assert_eq!(scene_origin_for(&around(DVec3::new(0.0, 200.0, 0.0))), DVec3::ZERO);
         assert_eq!(origin_for(&around(DVec3::new(0.0, 200.0, 0.0))), DVec3::new(0.0, 200.0, 0.0));

@@ -1,21 +1,22 @@
-//! Every bound once, with its reason.
+//! Error bounds of every stage, each with its reason.
 
 use serde::Serialize;
 
-/// What a stage's errors may be, see [`super::judge::Errors`]. 1 − cosine may be the square of the relative L2 error.
+/// Maximum errors of a stage, see [`super::judge::Errors`]. 1 − cosine may reach the square of the relative
+/// L2 error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Bound {
-    /// The kernel, or in brackets what several make together.
+    /// Name of the kernel, or in brackets of a group of kernels judged together.
     pub stage: &'static str,
-    /// Of [`Errors::max`](super::judge::Errors::max); likewise the others.
+    /// Bound of [`Errors::max`](super::judge::Errors::max); the other fields are likewise named.
     pub max: f64,
     /// See `max`.
     pub relative_l2: f64,
-    /// See `max`; 0 where there are no gradients.
+    /// See `max`; 0 if there are no gradients.
     pub bias: f64,
-    /// See `max`; 0 where nothing is decided.
+    /// See `max`; 0 if the stage makes no decisions.
     pub flips: f64,
-    /// Why no less can be asked for, and no more need be allowed.
+    /// Reason why the bound can be neither tighter nor looser.
     pub reason: &'static str,
 }
 
@@ -27,12 +28,13 @@ impl Bound {
 
 const EXACT: Bound = Bound { stage: "", max: 0.0, relative_l2: 0.0, bias: 0.0, flips: 0.0, reason: "" };
 
-/// Float32 may decide otherwise than float64 where a pixel is this close (relatively) to a threshold. The exponent has an
-/// error of some 1e-6 (|w|² ≤ 11 from coordinates of 1e2 px with 1e-7 of rounding, times slopes up to 1/0.55 per px: 2e-5
-/// px·/px), α as much again, and a transmittance is a product of up to a few hundred factors: 1e-4 holds all of them.
+/// Relative distance from a threshold within which float32 may decide otherwise than float64. The exponent
+/// has an error of about 1e-6 (|w|² ≤ 11 from coordinates of 1e2 px with 1e-7 of rounding, times slopes up to
+/// 1/0.55 per px: 2e-5 px·px/px). α adds as much again, and a transmittance is a product of up to a few
+/// hundred factors: 1e-4 covers all of these.
 pub const NEAR_THRESHOLD: f64 = 1e-4;
 
-/// Bound of a stage.
+/// The bound of a stage; `None` if it has none.
 pub fn of(stage: &str) -> Option<Bound> {
     BOUNDS.into_iter().find(|b| b.stage == stage)
 }
@@ -43,9 +45,10 @@ const CLUSTERS: &str = "τ grows by 1.5 with a rounding of 6e-8 each, 32 times a
 const LOSS: &str = "One SSIM errs by up to 6e-8 / C2 = 7e-5 where the variance is 0 and by a fifth of that as a loss. \
                     Losses are of order 0.05 to 1, and in a frame of one pixel nothing averages it out: 3e-4.";
 
-// The bounds hold exponentials, logarithms, roots and quotients that are as inexact as Vulkan allows: `tools/devices rough` tries them.
-// Sines, cosines and angles, of which Vulkan promises little, are polynomials of the kernels' own.
-/// In the order of the table.
+// The bounds allow exponentials, logarithms, roots and quotients as inexact as Vulkan permits: `tools/devices
+// rough` tests this. Vulkan promises little for sines, cosines and angles, so kernels compute those with
+// polynomials.
+/// All bounds, in the order of the table.
 pub const BOUNDS: [Bound; 57] = [
     Bound {
         stage: "fma_rate",

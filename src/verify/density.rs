@@ -1,4 +1,4 @@
-//! Density control: scores, what stays and what is drawn, and what becomes of it.
+//! Verifies density control: scores, weighing, drawing and applying changes.
 
 use super::{Bench, sort::noise};
 use crate::{
@@ -19,7 +19,7 @@ use crate::{
 const STRATEGIES: [u32; 3] = [MCMC, ADC, BUDGET];
 const SEED: u32 = 77;
 const STEP: u32 = 5;
-/// The page begins here in its segment, and the segment in the Gaussian index.
+/// Offset of the page in its segment, and of the segment in the Gaussian index.
 const PAGE_FIRST: u32 = 64;
 const SEGMENT_FIRST: u32 = 30;
 
@@ -41,7 +41,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     for strategy in STRATEGIES {
         apply(bench, &page, strategy, 2)?;
     }
-    // Packed.
+    // With packed moments.
     apply(bench, &page, BUDGET, 1)?;
     moved(bench, &page)
 }
@@ -50,12 +50,12 @@ fn unit(i: u32) -> f32 {
     (noise(i) >> 8) as f32 / 16_777_216.0
 }
 
-/// A page of a segment, not the first.
+/// A page of a segment, not its first page.
 struct Page {
     count: usize,
     population: Buffer<u32>,
     status: Buffer<u32>,
-    /// Some opacities are NaN and some scales infinite, some opacities are low.
+    /// Some opacities are NaN or low, some scales are infinite.
     quads: Vec<[f32; 4]>,
     workgroup_size: u32,
 }
@@ -115,7 +115,7 @@ fn image(bench: &Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
 fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> Result<()> {
     let (context, count) = (&bench.shadowed, page.count);
     let before = (SEGMENT_FIRST + PAGE_FIRST) as usize;
-    // One in a thousand over so many tiles that the whole subgroup sums.
+    // One in a thousand touches enough tiles that the whole subgroup sums them.
     let tiles_of = |i: u32| if i % 1000 == 7 { 300 + noise(i) % 99 } else { noise(i) % 9 };
     let tile_counts: Vec<u32> = (0..(before + count) as u32).map(tiles_of).collect();
     let mut slots = 0;
@@ -177,7 +177,7 @@ fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> R
 
 fn weigh(bench: &Bench<'_>, page: &Page, strategy: u32) -> Result<()> {
     let (context, count) = (&bench.shadowed, page.count);
-    // A fifth of the scores is 0.
+    // A fifth of the scores are 0.
     let scores: Vec<[f32; 4]> =
         (0..count as u32).map(|i| [0, 1, 2, 3].map(|p| (unit(4 * i + p) - 0.2).max(0.0))).collect();
     let geometry = Buffer::from_slice(context, "geometry", &page.quads)?;
@@ -194,7 +194,7 @@ fn weigh(bench: &Bench<'_>, page: &Page, strategy: u32) -> Result<()> {
         alive: &alive,
         keys: &keys,
     };
-    // A weight is a whole number of up to 2^31 / capacity: one more or less must be little beside the bound.
+    // A weight is a whole number up to 2^31 / capacity: an error of one must be small against the bound.
     let capacity = 6000;
     let push = density_weigh::Push {
         segment: 1,
@@ -215,7 +215,8 @@ fn plan(bench: &Bench<'_>) -> Result<()> {
     failed.fail(Resource::Intersections, 5);
     for replacement in [true, false] {
         let stage = density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?;
-        // Usual; at the cap; nothing alive; nothing drawable; nothing there; one.
+        // The usual case; at the cap; no living Gaussians; no candidates; no Gaussians; a single one; a
+        // failed step.
         let cases = [
             ([100_000, 90_000, 80_000], Status::default()),
             ([120_000, 120_000, 9], Status::default()),
@@ -245,7 +246,7 @@ fn draw(bench: &Bench<'_>, count: usize, replacement: bool) -> Result<()> {
     let context = &bench.shadowed;
     let old = count as u32;
     let children = old / 3;
-    // Every third has no weight.
+    // Every third has weight 0.
     let weight = |i: u32| if i % 3 == 1 { 0 } else { noise(i) % (u32::MAX / old / 2) };
     let mut total = 0;
     let order: Vec<u32> = match replacement {
@@ -291,7 +292,7 @@ fn place(bench: &Bench<'_>, count: usize) -> Result<()> {
         let sources = Buffer::<u32>::zeroed(context, "sources", count)?;
         let buffers =
             density_place::Buffers { words: &words, alive: &alive_there, ranks: &ranks_there, sources: &sources };
-        // Two pages.
+        // In two pages.
         let half = count as u32 / 2;
         bench.run(|recorder| {
             for (page_first, stride) in [(0, half), (half, count as u32)] {
@@ -302,11 +303,11 @@ fn place(bench: &Bench<'_>, count: usize) -> Result<()> {
     Ok(())
 }
 
-/// `planes`: of moments for each plane that learns.
+/// `planes`: planes of moments per learned plane.
 fn apply(bench: &Bench<'_>, page: &Page, strategy: u32, planes: u32) -> Result<()> {
     let (context, count) = (&bench.shadowed, page.count);
     let numbers = PAGE_FIRST as usize + count;
-    // What is not finite had no children; the last third are children.
+    // Gaussians with non-finite parameters had no children; the last third are children.
     let at = |plane: usize, i: usize| page.quads[plane / 4 * count + i][plane % 4];
     let sound = |i: usize| (0..GEOMETRY_PLANES).all(|plane| at(plane, i).is_finite());
     let copies: Vec<u32> = (0..numbers)
@@ -348,7 +349,7 @@ fn apply(bench: &Bench<'_>, page: &Page, strategy: u32, planes: u32) -> Result<(
         geometry: &geometry,
         geometry_moments: &moments_there,
         sh_moments: &sh_there,
-        // A buffer of its own: each is compared.
+        // A separate buffer, since each binding is compared.
         lobe_moments: &lobes_there,
         scores: &scores,
     };

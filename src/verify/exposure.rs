@@ -1,4 +1,4 @@
-//! Exposure correction: the corrected image, its gradient, and the step of a map.
+//! Verifies exposure correction: the corrected image, its gradient, and the step of a map.
 
 use super::{Bench, sort::noise};
 use crate::{
@@ -16,12 +16,12 @@ use crate::{
 };
 
 const PHOTO: u32 = 2;
-/// Large enough that a wrong step is not a rounding of a map.
+/// Large enough that a wrong step cannot hide in the rounding of a map.
 const RATE: f32 = 0.3;
 
 pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     pixels(bench, if quick { (101, 67) } else { (1000, 701) })?;
-    // Of more photographs and more runs than a workgroup has threads.
+    // More photographs and more runs than a workgroup has threads.
     let (photos, runs) = if quick { (300, 275) } else { (3000, 8100) };
     step(bench, photos, runs)
 }
@@ -30,7 +30,7 @@ fn unit(i: u32) -> f32 {
     (noise(i) >> 8) as f32 / 16_777_216.0
 }
 
-/// Maps near the identity.
+/// Random maps near the identity.
 fn maps(photos: u32) -> Vec<f32> {
     let entry = |i: u32| IDENTITY[(i % MAP) as usize] as f32 + 0.4 * (unit(i + 31) - 0.5);
     (0..MAP * photos).map(entry).collect()
@@ -38,16 +38,16 @@ fn maps(photos: u32) -> Vec<f32> {
 
 fn pixels(bench: &Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
     let (context, count) = (&bench.shadowed, width * height);
-    // The second, not at the beginning of the image.
+    // The second frame is tested; it does not start at pixel 0.
     let frames = [
         Frame { image_first: 0, target_first: 0, width: 3, height: 3 },
         Frame { image_first: 5, target_first: 9, width, height },
     ];
-    // What does not count is no number here and there.
+    // Some masked pixels are NaN.
     let counts = |p: u32| !p.is_multiple_of(7);
     let channel = |p: u32, c: u32| if !counts(p) && p.is_multiple_of(2) { f32::NAN } else { 1.2 * unit(4 * p + c) };
     let image: Vec<[f32; 4]> = (0..count + 5).map(|p| [0, 1, 2, 3].map(|c| channel(p, c))).collect();
-    // Of one sign more than of the other, as where a photograph is brighter: its sums do not cancel.
+    // Mostly of one sign, as for a brighter photograph, so that sums do not cancel.
     let of = |p: u32, c: u32| if counts(p) { unit(3 * p + c + 77) - 0.3 } else { 0.0 };
     let grads: Vec<f32> = (0..count + 5).flat_map(|p| [0, 1, 2].map(|c| of(p, c))).collect();
 
@@ -80,7 +80,7 @@ fn pixels(bench: &Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
 fn step(bench: &Bench<'_>, photos: u32, runs: u32) -> Result<()> {
     let context = &bench.shadowed;
     let sums: Vec<f32> = (0..MAP * runs).map(|i| 1e-3 * (unit(i + 5) - 0.4)).collect();
-    // As after some steps on gradients of about the size of these.
+    // Moments as after some steps on gradients of about this size.
     let size = 1e-4 * runs as f32;
     let moment = |i: u32| match (i % MOMENTS, i / MOMENTS) {
         (FIRST..SECOND, _) => size * (unit(i) - 0.5),
@@ -92,7 +92,7 @@ fn step(bench: &Bench<'_>, photos: u32, runs: u32) -> Result<()> {
     let stage = exposure_step::Stage::new(context, &spec)?;
     let mut failed = Status::default();
     failed.fail(Resource::Intersections, 5);
-    // A gradient that is no number, and a step that did not fit, move nothing.
+    // A NaN gradient, and a step that did not fit, must move nothing.
     let mut unsound = sums.clone();
     unsound[(MAP * (runs - 1) + 7) as usize] = f32::NAN;
     for (sums, status) in [(&unsound, Status::default()), (&sums, failed), (&sums, Status::default())] {

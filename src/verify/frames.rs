@@ -1,4 +1,5 @@
-//! Frames of somebody else's renderer: texels of every kind, and the whole chain with what only frames have.
+//! Verifies frames in a caller's renderer: texels of every format, and the whole chain with its frame-only
+//! features.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -23,11 +24,12 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     whole(bench, quick)
 }
 
-/// Of every format and blending.
+/// All formats and blend modes.
 fn texels(bench: &Bench<'_>, pixels: usize) -> Result<()> {
     let unit = |i: usize| noise(i as u32) as f32 / u32::MAX as f32;
     let channels: [Vec<f32>; 7] = std::array::from_fn(|c| (0..pixels).map(|p| unit(c * pixels + p)).collect());
-    // Colours weighed by alpha, up to 1.5 of it; transmittances from 0 to 1; what is below; depths, one in eight of nothing.
+    // Premultiplied colours up to 1.5 times alpha; transmittances from 0 to 1; a background; depths, one in
+    // eight empty.
     let image: Vec<[f32; 4]> = (0..pixels)
         .map(|p| {
             let t = channels[3][p];
@@ -82,7 +84,7 @@ fn texels(bench: &Bench<'_>, pixels: usize) -> Result<()> {
     Ok(())
 }
 
-/// A scene that stands turned and scaled in the world behind a mesh's depths, at both widths and with depths of its own.
+/// A rotated and scaled scene behind a mesh's depths, at full and half width, with depths as output.
 fn whole(bench: &Bench<'_>, quick: bool) -> Result<()> {
     let (count, supplement, width, height) = if quick { (1500, 500, 97, 71) } else { (20_000, 5_000, 403, 301) };
     let scene = random_scene(41, count, supplement, 3);
@@ -92,13 +94,13 @@ fn whole(bench: &Bench<'_>, quick: bool) -> Result<()> {
         scale: 1.5,
         translation: DVec3::new(0.4, -0.3, 0.2),
     };
-    // The camera goes with the model, so that it sees what it saw.
+    // The camera moves along with the model, so that its view stays the same.
     let rotation = camera.rotation * DMat3::from_quat(transform.rotation).transpose();
     let translation = transform.scale * camera.translation - rotation * transform.translation;
     let moved = crate::scene::Camera { rotation, translation, ..camera };
     let form = DepthForm::reversed_infinite(0.3);
     let pixels = (width * height) as usize;
-    // A wall that leans back, in the world's units; nothing in the right half.
+    // A wall that leans back, in world units; nothing in the right half.
     let depth = |p: usize| {
         if p as u32 % width < width / 2 { (0.3 / (1.5 + 8.0 * p as f64 / pixels as f64)) as f32 } else { 0.0 }
     };

@@ -1,52 +1,53 @@
-//! One row of the table: what is compared, how far off it is, and whether that is allowed.
+//! One row of the table: a comparison, its errors, and whether they are within the bounds.
 
-// The house guards positively, so that NaN fails: `!(x <= limit)` is meant.
+// Conditions are written so that NaN fails: `!(x <= limit)` is intended.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use serde::Serialize;
 
 use super::bounds::{self, Bound};
 
-/// Errors of one stage in one variant; of several groups of numbers (parameter classes, fields) each is the worst group's.
+/// Errors of one stage in one variant. With several groups of numbers (parameter classes, fields), each is
+/// the worst group's.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Errors {
     /// Largest difference, relative to the group's largest value.
     pub max: Option<f64>,
     /// ‖got − want‖₂ / ‖want‖₂.
     pub relative_l2: Option<f64>,
-    /// 1 − cosine between gradients.
+    /// 1 − cosine of the angle between gradients.
     pub cosine_loss: Option<f64>,
-    /// Σ(got − want) / Σ|want| of gradients, signed.
+    /// Σ(got − want) / Σ|want| of gradients, with its sign.
     pub bias: Option<f64>,
-    /// Share of the decisions (pixels, Gaussians, tiles) that fell otherwise than in float64, all of them at a threshold.
+    /// Fraction of decisions (pixels, Gaussians, tiles) that differ from float64, all at a threshold.
     pub flips: Option<f64>,
-    /// Decisions that fell otherwise without a threshold near, and words that differ where they may not.
+    /// Number of decisions that differ without a threshold near, and of words that must not differ.
     pub unequal: Option<u64>,
 }
 
-/// A bound that does not hold.
+/// A violated bound.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Breach {
-    /// Which of [`Errors`].
+    /// Name of the measure in [`Errors`].
     pub measure: &'static str,
-    /// What was found.
+    /// Measured value.
     pub value: f64,
-    /// What [`Bound`] allows.
+    /// Limit from [`Bound`].
     pub limit: f64,
 }
 
-/// One stage in one variant.
+/// Result of one stage in one variant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
     /// See [`Bound::stage`].
     pub stage: &'static str,
-    /// What its constants and its input were.
+    /// The variant's constants and input.
     pub variant: String,
-    /// Against the twin.
+    /// Errors against the twin.
     pub errors: Errors,
-    /// Empty: the row passes.
+    /// Violated bounds; empty if the row passes.
     pub breaches: Vec<Breach>,
-    /// Seconds per call on the device; none without timestamps.
+    /// Seconds per call on the device; `None` without timestamps.
     pub time: Option<f64>,
     #[serde(skip)]
     perturb: f64,
@@ -57,12 +58,12 @@ impl Row {
         Row { stage, variant: variant.into(), errors: Errors::default(), breaches: Vec::new(), time: None, perturb }
     }
 
-    /// Compares numbers of one kind with the twin's.
+    /// Compares numbers of one group with the twin's.
     pub(super) fn numbers(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>) {
         self.group(pairs, false);
     }
 
-    /// Compares a gradient, whose direction and bias count too.
+    /// Compares a gradient, including its direction and bias.
     pub(super) fn gradients(&mut self, pairs: impl IntoIterator<Item = (f32, f64)>) {
         self.group(pairs, true);
     }
@@ -74,7 +75,7 @@ impl Row {
         for (got, want) in pairs {
             let (got, want) = (f64::from(got), want * (1.0 + self.perturb));
             let off = got - want;
-            // max() passes over NaN, sums do not.
+            // max() ignores NaN, sums propagate it.
             not_a_number |= off.is_nan();
             difference += off * off;
             want2 += want * want;
@@ -85,7 +86,7 @@ impl Row {
             signed += off;
             size += want.abs();
         }
-        // Nothing at all where nothing is wanted is right; anything else is infinitely wrong.
+        // 0 against an expected 0 is correct; any other value against 0 is infinitely wrong.
         let ratio = |a: f64, b: f64| if a == 0.0 && b == 0.0 { 0.0 } else { a / b };
         let most = if not_a_number { f64::NAN } else { ratio(most, largest) };
         let e = &mut self.errors;
@@ -100,17 +101,17 @@ impl Row {
         }
     }
 
-    /// Things that are wrong whatever the bounds say.
+    /// Adds errors that no bound allows.
     pub(super) fn unequal(&mut self, count: u64) {
         *self.errors.unequal.get_or_insert(0) += count;
     }
 
-    /// `count` of `of` decisions fell otherwise, each within its margin.
+    /// Adds `count` of `of` decisions that differ, each within its margin.
     pub(super) fn flips(&mut self, count: usize, of: usize) {
         raise(&mut self.errors.flips, count as f64 / of.max(1) as f64);
     }
 
-    /// The worse of its errors and these.
+    /// Raises the errors to the worse of both.
     pub(super) fn worsen(&mut self, by: &Errors) {
         let e = &mut self.errors;
         let pairs = [(&mut e.max, by.max), (&mut e.relative_l2, by.relative_l2), (&mut e.cosine_loss, by.cosine_loss)];
@@ -122,7 +123,7 @@ impl Row {
         }
     }
 
-    /// Fills [`Row::breaches`].
+    /// Compares the errors with the bounds, and fills [`Row::breaches`].
     pub(super) fn judge(&mut self) {
         let Errors { max, relative_l2, cosine_loss, bias, flips, unequal } = self.errors;
         let mut check = |measure, value: Option<f64>, limit: f64| {
@@ -136,14 +137,15 @@ impl Row {
         let bound = bounds::of(self.stage).unwrap_or(Bound::exact(self.stage, ""));
         check("max", max, bound.max);
         check("relative L2", relative_l2, bound.relative_l2);
-        // The angle φ between got and want has sin φ ≤ the relative L2 error, so 1 − cos φ is at most its square.
+        // The angle φ between got and want has sin φ ≤ the relative L2 error, so 1 − cos φ is at most its
+        // square.
         check("1 - cosine", cosine_loss, bound.relative_l2 * bound.relative_l2);
         check("bias", bias, bound.bias);
         check("flips", flips, bound.flips);
     }
 }
 
-/// The larger one, and NaN above all.
+/// Keeps the larger value; NaN counts as the largest.
 fn raise(old: &mut Option<f64>, new: f64) {
     if old.is_none_or(|old| !(new <= old) && !old.is_nan()) {
         *old = Some(new);

@@ -1,4 +1,4 @@
-//! Inverse splatting, from footprints to appended Gaussians.
+//! Verifies inverse splatting, from footprints to appended Gaussians.
 
 use glam::{DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -26,28 +26,28 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     Ok(())
 }
 
-/// Cameras around a ball before a wall; 2D Gaussians everywhere, some at the ball's edge, some in holes of the depth map,
-/// some beyond the image's border, some places empty.
+/// Cameras around a ball in front of a wall. 2D Gaussians are everywhere: some at the ball's edge, some in
+/// holes of the depth map, some beyond the image's border; some places are empty.
 pub struct Case {
     /// Cameras by view.
     pub cameras: Vec<Camera>,
-    /// Cameras, as kernels read them.
+    /// The cameras in the kernels' format.
     pub views: Vec<types::View>,
     /// Camera z by pixel, view after view; 0: none.
     pub depths: Vec<f32>,
-    /// Where each view's depths begin.
+    /// Start of each view's depths.
     pub pixel_firsts: Vec<usize>,
     /// 10 planes × `stride`.
     pub screen_planes: Vec<f32>,
-    /// View of each place, [`NONE`] where it is empty.
+    /// View of each place, [`NONE`] if it is empty.
     pub screen_frames: Vec<u32>,
-    /// Those among which the nearest is looked for.
+    /// Training views, candidates for the nearest one.
     pub train_views: Vec<u32>,
-    /// The scene's own length.
+    /// The scene's length unit.
     pub unit: f32,
 }
 
-/// All numbers rounded to float32, so that device and twin see the same camera.
+/// A camera at `eye`; all its numbers are rounded to float32, so that device and twin see the same camera.
 pub fn look_at(eye: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
     let single = |v: f64| f64::from(v as f32);
     let z = (target - eye).normalize();
@@ -79,7 +79,7 @@ impl Case {
             for y in 0..camera.height {
                 for x in 0..camera.width {
                     let ray = camera.unproject(x as f64 + 0.5, y as f64 + 0.5, 1.0) - camera.eye();
-                    // Ball of radius 1.5 at the centre, wall 4 behind it.
+                    // A ball of radius 1.5 at the centre, a wall 4 behind it.
                     let (a, b, c) = (ray.length_squared(), eye.dot(ray), eye.length_squared() - 2.25);
                     let hit = b * b - a * c;
                     let z = if hit > 0.0 { (-b - hit.sqrt()) / a } else { (4.0 - eye.z) / ray.z };
@@ -125,7 +125,7 @@ pub struct There {
     screen_planes: Buffer<f32>,
     screen_frames: Buffer<u32>,
     depths: Buffer<f32>,
-    /// By place of a 2D Gaussian.
+    /// Buffers by place of a 2D Gaussian.
     pub lift: LiftBuffers,
 }
 
@@ -146,7 +146,7 @@ impl There {
         })
     }
 
-    /// The 2D Gaussians as the lift's stages take them.
+    /// The 2D Gaussians as input of the lift's stages.
     pub fn flat(&self) -> Flat<'_> {
         let There { screen_planes, screen_frames, depths, .. } = self;
         let count = screen_frames.len() as u32;
@@ -163,7 +163,7 @@ fn lift(bench: &Bench<'_>, case: &Case, options: LiftOptions) -> Result<()> {
     bench.run(|recorder| phase.record_count(recorder, &flat, b))?;
     let points: u64 = b.point_counts.download()?.iter().map(|&n| u64::from(n)).sum();
     if points > u64::from(count) * case.depths.len() as u64 {
-        // More points than pixels: no buffers are made for those, and their row is broken.
+        // More points than pixels cannot be right: the row is broken already, so make no buffers.
         return Ok(());
     }
     let points = points as u32;
@@ -173,7 +173,7 @@ fn lift(bench: &Bench<'_>, case: &Case, options: LiftOptions) -> Result<()> {
         phase.record_clusters(recorder, count, points, b, &p);
         phase.record_pca(recorder, &flat, case.unit, b, &p);
     })?;
-    // Behind a supplement, also where some have no room.
+    // Append after an existing supplement, also with too little room.
     let made = b.lift_flags.download()?.iter().sum::<u32>() as usize;
     let scene = random_scene(5, 20, 7, 1);
     for spare in [made, made / 2] {

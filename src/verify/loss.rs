@@ -1,4 +1,4 @@
-//! The L1 + SSIM loss and its gradient.
+//! Verifies the L1 + SSIM loss and its gradient.
 
 use super::{Bench, sort::noise};
 use crate::{
@@ -12,8 +12,8 @@ use crate::{
 };
 
 pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
-    // Whole and broken tiles, frames smaller than a tile and than the window.
-    // (Scratch is as large for each frame as for the largest: four of these are a third of what llvmpipe binds.)
+    // Whole and partial tiles, frames smaller than a tile and than the window.
+    // (Scratch is sized by the largest frame: for these four it is a third of llvmpipe's buffer limit.)
     let first = if quick { (101, 75) } else { (800, 533) };
     let sizes = &[first, (64, 48), (5, 70), (1, 1)];
     for batch in [Batch::new(sizes), Batch::masked(sizes)] {
@@ -21,7 +21,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
             let there = There::new(bench, &batch)?;
             bench.run(|recorder| there.record(recorder, tiles))?;
         }
-        // The gradient that is drawn.
+        // The random gradient of probes.
         let there = There::new(bench, &batch)?;
         for (f, &(width, height)) in sizes.iter().enumerate() {
             let batch = there.batch(f as u32, 1);
@@ -31,23 +31,23 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     Ok(())
 }
 
-/// Frames whose tiles are in the tile list.
+/// Whether a frame's tiles are in the tile list.
 fn listed(frame: usize) -> bool {
     frame != 1
 }
 
-/// Frames behind one another in one image buffer, their targets in another order with a gap.
+/// Frames one after the other in one image buffer; their targets are in another order, with a gap.
 struct Batch {
-    /// Where each lies in both.
+    /// Offsets of each frame in both.
     frames: Vec<Frame>,
     /// sRGB and transmittance.
     image: Vec<[f32; 4]>,
-    /// Packed 8-bit RGBA; alpha 0 does not count.
+    /// Packed 8-bit RGBA; alpha 0 masks a pixel.
     targets: Vec<u32>,
 }
 
 impl Batch {
-    /// Gradients, edges, noise, flat bright places (where float32 variances cancel most), colours above 1.
+    /// Gradients, edges, noise, flat bright areas (the hardest for float32 variances), colours above 1.
     fn new(sizes: &[(u32, u32)]) -> Self {
         let unit = |i: usize| (noise(i as u32) >> 8) as f32 / 16_777_216.0;
         let pixels = |&(width, height): &(u32, u32)| width * height;
@@ -73,8 +73,8 @@ impl Batch {
         batch
     }
 
-    /// The same with masks: patches of several shapes, single pixels, and one frame of which nothing counts. What is rendered
-    /// there is far from the photograph, so that it shows wherever it is looked at.
+    /// [`Batch::new`] with masks: patches of several shapes, single pixels, and one frame without any valid
+    /// pixel. The render differs strongly from the photograph there, so that any use of masked pixels shows.
     fn masked(sizes: &[(u32, u32)]) -> Self {
         let mut batch = Self::new(sizes);
         for (f, frame) in batch.frames.iter().enumerate() {
@@ -91,7 +91,7 @@ impl Batch {
     }
 }
 
-/// A batch on the device. What the kernels do not write is NaN.
+/// A batch on the device. Buffers start as NaN, to reveal elements that kernels do not write.
 struct There {
     frames: Buffer<Frame>,
     image: Buffer<[f32; 4]>,

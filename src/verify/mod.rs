@@ -1,4 +1,5 @@
-//! Verifies glint's kernels on a device and its driver: every dispatch of the pipelines against its float64 twin, and its time.
+//! Verifies glint's kernels on a device and its driver: compares every dispatch of the pipelines with its
+//! float64 twin, and measures its time.
 
 mod bounds;
 mod density;
@@ -34,32 +35,32 @@ use crate::{
     report::table::{Cell, Column, Table},
 };
 
-/// What to run.
+/// Selects the cases to run.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Options {
-    /// Small cases only: a minute on two CPU cores, where all take ten.
+    /// Run small cases only: a minute on two CPU cores instead of ten.
     pub quick: bool,
-    /// Relative error that is put into every twin's results; 0 but for proving that the bounds notice.
+    /// Relative error to add to every twin's results, to prove that the bounds notice; otherwise 0.
     pub perturb: f64,
 }
 
-/// What was found.
+/// Result of a verification.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// On which.
+    /// The device.
     pub device: DeviceInfo,
     /// Measured rates of the device.
     pub rates: Rates,
-    /// In the order of the pipeline.
+    /// Rows in the order of the pipeline.
     pub rows: Vec<Row>,
-    /// Wall clock.
+    /// Wall-clock seconds.
     pub seconds: f64,
 }
 
 /// Runs all cases.
 ///
 /// # Errors
-/// Only where the device cannot do something at all; a wrong result is a [`Breach`] of a row.
+/// Only if the device cannot run a stage at all; a wrong result is a [`Breach`] of a row.
 pub fn run(context: &Context, options: &Options) -> Result<Report> {
     let start = Instant::now();
     let mut bench = Bench::new(context, options.perturb, if options.quick { 3 } else { 9 })?;
@@ -80,11 +81,11 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     Ok(report)
 }
 
-/// Runs the stages that everything rests on, on small cases: scan, sort, a picture from scene to gradients, a step. Gives the rows that
-/// break a bound; none from a device that computes what it should.
+/// Runs the fundamental stages on small cases: scan, sort, a picture from scene to gradients, a step. Returns
+/// the rows that violate a bound: none on a correct device.
 ///
 /// # Errors
-/// As [`run`].
+/// Those of [`run`].
 pub fn check(context: &Context) -> Result<Vec<Row>> {
     let bench = Bench::new(context, 0.0, 0)?;
     sort::check(&bench)?;
@@ -105,33 +106,33 @@ pub fn judged(context: &Context, work: impl FnOnce(&Context) -> Result<()>) -> R
 }
 
 impl Report {
-    /// Rows that break a bound.
+    /// Number of rows that violate a bound.
     pub fn broken(&self) -> usize {
         self.rows.iter().filter(|row| !row.breaches.is_empty()).count()
     }
 }
 
-/// What all cases share.
+/// Common state of all cases.
 struct Bench<'a> {
     context: &'a Context,
     perturb: f64,
     repeats: usize,
     rates: Rates,
     rows: Vec<Row>,
-    /// The same device, on which every dispatch is judged.
+    /// A second context on the device, in which every dispatch is compared.
     shadowed: Context,
     shadow: Shadow,
 }
 
 impl<'a> Bench<'a> {
-    /// Times are medians of `repeats` runs after the first.
+    /// Times are medians of `repeats` runs after a first one.
     fn new(context: &'a Context, perturb: f64, repeats: usize) -> Result<Self> {
         let shadow = Shadow::new(perturb);
         let shadowed = shadow.context(context)?;
         Ok(Bench { context, perturb, repeats, rates: Rates::default(), rows: Vec::new(), shadowed, shadow })
     }
 
-    /// Runs what `record` records, on the device that is judged.
+    /// Runs the recorded stages in the compared context.
     fn run(&self, record: impl FnOnce(&mut Recorder)) -> Result<()> {
         let mut recorder = self.shadowed.recorder("verify")?;
         record(&mut recorder);
@@ -142,7 +143,7 @@ impl<'a> Bench<'a> {
         Row::new(stage, variant, self.perturb)
     }
 
-    /// All rows, judged, in the order of the bounds.
+    /// All rows with their verdicts, in the order of the bounds.
     fn into_rows(mut self) -> Vec<Row> {
         for row in &mut self.rows {
             row.judge();
@@ -157,11 +158,11 @@ impl<'a> Bench<'a> {
         self.rows.push(row);
     }
 
-    /// Times what `record` records. It must be something that can be done again and again.
+    /// Times the recorded stages; they must give the same result when repeated.
     fn time(&self, record: impl Fn(&mut Recorder)) -> Result<Times> {
         let mut stages: Vec<(&'static str, Vec<f64>)> = Vec::new();
         let mut whole = Vec::new();
-        // The first run warms up and counts for nothing.
+        // The first run warms up and is not counted.
         for run in 0..=self.repeats {
             let mut recorder = self.context.recorder("verify")?;
             recorder.time_stages();
@@ -184,26 +185,26 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Median times of the stages of a recording, in its order.
+/// Median times of the stages of a recording, in order.
 struct Times {
     stages: Vec<(&'static str, f64)>,
-    /// From submission to the end of waiting, seconds.
+    /// Seconds from submission to the end of waiting.
     whole: f64,
 }
 
 impl Times {
-    /// Seconds per call of a stage; none without timestamps.
+    /// Seconds per call of a stage; `None` without timestamps.
     fn of(&self, stage: &str) -> Option<f64> {
         let times: Vec<f64> = self.stages.iter().filter(|(name, _)| *name == stage).map(|(_, time)| *time).collect();
         (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
     }
 
-    /// Seconds of all calls of all stages; none without timestamps.
+    /// Seconds of all calls of all stages; `None` without timestamps.
     fn sum(&self) -> Option<f64> {
         (!self.stages.is_empty()).then(|| self.stages.iter().map(|(_, time)| time).sum())
     }
 
-    /// The same, or the wall clock without timestamps.
+    /// Seconds of all calls of all stages; wall-clock seconds without timestamps.
     fn whole(&self) -> f64 {
         self.sum().unwrap_or(self.whole)
     }
@@ -218,7 +219,7 @@ const fn column(key: &'static str, title: &'static str, unit: &'static str) -> C
     Column { key, title, unit, decimals: 1 }
 }
 
-/// The bounds and their reasons, for people.
+/// The bounds and their reasons as text.
 pub fn explain() -> String {
     let mut text = String::new();
     for b in BOUNDS {

@@ -1,4 +1,4 @@
-//! The model's own kernels: how many Gaussians there are, and moving them to other numbers.
+//! Verifies the model's own kernels: counts of Gaussians, and their rearrangement.
 
 use glam::DVec3;
 
@@ -15,11 +15,11 @@ use crate::{
 pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     let (base, supplement) = if quick { (900, 300) } else { (300_000, 100_000) };
     let scene = random_scene(31, base, supplement, 1);
-    // Three pages of the base and two of the supplement; the last of each has room.
+    // Three pages of the base and two of the supplement; the last page of each has spare room.
     let room = Room { base: 70, supplement: base as u32 / 7, page: Some(base as u32 / 3 + 7), ..Room::default() };
     let model = Model::upload_around(&bench.shadowed, DVec3::ZERO, &scene, room)?;
     rearranged(bench, &model)?;
-    // Supplementary Gaussians that fit, and more that do not.
+    // Append supplementary Gaussians that fit, then too many.
     let added = Buffer::from_slice(&bench.shadowed, "added", &[0u32, 5, model.capacity()])?;
     let status = Buffer::<u32>::zeroed(&bench.shadowed, "status", status::WORDS)?;
     for which in [1, 2] {
@@ -29,7 +29,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     Ok(())
 }
 
-/// The base in another order, some Gaussians twice, some left out and some new; the supplement stays.
+/// Rearranges the base: other order, some Gaussians twice, some left out, some new. The supplement stays.
 fn rearranged(bench: &Bench<'_>, model: &Model) -> Result<()> {
     let context = &bench.shadowed;
     let old = model.count_of(Segment::Base);

@@ -1,4 +1,4 @@
-//! Residual pursuit, from a view's residual to the Gaussians that are placed.
+//! Verifies residual pursuit, from a view's residual to the placed Gaussians.
 
 use glam::DVec3;
 
@@ -20,7 +20,7 @@ const SEED: u64 = 5;
 pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     let case = Case::new(33, 1, DVec3::ZERO);
     let context = &bench.shadowed;
-    // A pattern that is fixed to the surface, and photographs that have a gloss and noise besides.
+    // A pattern fixed to the surface; the photographs also have gloss and noise.
     let (mut images, mut photos) = (Vec::new(), Vec::new());
     for (v, camera) in case.cameras.iter().enumerate() {
         let (mut image, mut photo) = (Vec::new(), Vec::new());
@@ -66,11 +66,11 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     let status = Buffer::<u32>::zeroed(context, "status", status::WORDS)?;
     bench.run(|recorder| placer.record_draw(recorder, &views, &status))?;
     bench.run(|recorder| placer.record_fit(recorder, &views, 0))?;
-    // In the second something is explained.
+    // In the second round a part of the residual is already explained.
     for _ in 0..2 {
         bench.run(|recorder| placer.record_round(recorder, &views))?;
     }
-    // A budget that ends at three quarters of them, within one's price.
+    // A budget that ends at three quarters of the candidates, in the middle of one's price.
     let (keys, prices) = (placer.work.gain_keys.download()?, placer.work.prices.download()?);
     let all: u32 = keys.iter().zip(prices).filter(|(key, _)| **key != NONE).map(|(_, price)| price).sum();
     bench.run(|recorder| placer.record_place(recorder, 3 * all / 4 + 1))

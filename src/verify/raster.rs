@@ -1,4 +1,4 @@
-//! Views: every kernel from projection to pixels, back to gradient records, and the steps on them.
+//! Verifies views: every kernel from projection to pixels, back to gradient records, and the steps on them.
 
 use glam::DVec3;
 
@@ -24,7 +24,7 @@ use crate::{
 
 pub(super) const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 
-/// Large enough that a wrong step is not a rounding of the parameter, and all different, lest one stand in for another.
+/// Large enough that a wrong step cannot hide in a parameter's rounding; all different, so that a swap shows.
 const RATES: Rates = Rates {
     mean: 0.01,
     log_scale: 0.013,
@@ -39,9 +39,10 @@ const RATES: Rates = Rates {
     mean_scale: 0.0,
     newton: 0.3,
 };
-/// Step of the bias correction: the second moment's is 2 there, and steps are about as long as the rate.
+/// Step of the bias correction: the second moment's correction is 2 there, and steps are about as long as the
+/// rate.
 const STEP: u32 = 700;
-/// As many segments as learn their opacity only: all of them.
+/// Number of segments that only learn opacities: all of them.
 const FROZEN: u32 = Segment::ALL.len() as u32;
 
 pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
@@ -54,7 +55,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     for tile in TileShape::choices(lanes) {
         shot.blend(bench, Policy { tile: Some(tile), ..policy })?;
     }
-    // Where deterministic gradients find no room, others are chosen.
+    // The other reductions that the device offers, since training may switch between them.
     for reduction in Reduction::offered(&bench.shadowed).into_iter().filter(|r| *r != policy.reduction) {
         shot.blend(bench, Policy { reduction, ..policy })?;
     }
@@ -62,7 +63,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     for policy in [policy, Policy { compensate: true, ..policy }, Policy { packed: true, ..policy }] {
         shot.learn(bench, policy)?;
     }
-    // Without a supplement and with fewer bands; betas; half width, from which nothing learns.
+    // Without a supplement and with fewer bands; betas; half width, a format for rendering only.
     Shot::new(bench, Subject { seed: 2, supplement: 0, degree: 1, ..scene })?.learn(bench, policy)?;
     let betas = Shot::new(bench, Subject { seed: 3, supplement: 0, degree: BETAS, ..scene })?;
     for policy in [policy, Policy { packed: true, ..policy }] {
@@ -72,7 +73,8 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     steps_done(bench)
 }
 
-/// A small picture and a step by its gradients. Few pipelines: a CPU device takes longer to compile them than to run.
+/// A small picture and a step by its gradients. Uses few pipelines: a CPU device takes longer to compile them
+/// than to run them.
 pub(super) fn check(bench: &Bench<'_>) -> Result<()> {
     let subject = Subject { seed: 1, count: 500, supplement: 0, degree: 0, half: false, size: (41, 27) };
     let shot = Shot::new(bench, subject)?;
@@ -94,7 +96,7 @@ struct Subject {
     size: (u32, u32),
 }
 
-/// What is looked at.
+/// A scene, a view of it, and their buffers.
 struct Shot {
     model: Model,
     views: Views,
@@ -108,7 +110,7 @@ impl Shot {
         let Subject { seed, count, supplement, degree, half, size: (width, height) } = subject;
         let context = &bench.shadowed;
         let mut scene = random_scene(seed, count, supplement, degree);
-        // Some lobes and betas stand at the ends of their ranges.
+        // Some lobes and betas are at the ends of their ranges.
         if let Some(supplement) = &mut scene.supplement {
             let lobes = &mut supplement.lobes;
             lobes.widths.chunks_mut(4).for_each(|some| ends(some, [0.0101, 0.9999]));
@@ -148,7 +150,7 @@ impl Shot {
         Seen { model, views, view: 0, raster: &renderer.raster, degree: *degree, status }
     }
 
-    /// A picture and the records of its gradients, all and of opacities alone, and of scores.
+    /// Verifies a picture and its records: of all gradients, of opacities alone, and of scores.
     fn blend(&self, bench: &Bench<'_>, policy: Policy) -> Result<()> {
         self.render(&mut self.renderer(policy, false)?)?;
         let mut renderer = self.renderer(policy, true)?;
@@ -164,7 +166,8 @@ impl Shot {
         renderer.raster.grid(0, 1, camera.width, camera.height)
     }
 
-    /// By a smooth gradient of the picture that differs by channel; segments below `frozen` learn their opacity only.
+    /// Uses a smooth gradient of the picture that differs by channel; segments below `frozen` only learn
+    /// opacities.
     fn record_gradients(&self, bench: &Bench<'_>, renderer: &Renderer, frozen: u32) -> Result<()> {
         let (raster, grid) = (&renderer.raster, self.grid(renderer));
         let at = |p: u32| [0.0, 1.0, 2.0].map(|c: f64| (f64::from(p) * 0.013 + c).sin() as f32);
@@ -174,7 +177,7 @@ impl Shot {
         bench.run(|recorder| raster.record_blend_backward(recorder, &grid, frames, population, frozen))
     }
 
-    /// Of Gaussians wherever they are, so that some have their greatest response behind the camera.
+    /// Verifies depths of arbitrary Gaussians: some have their maximum response behind the camera.
     fn depths(&self, bench: &Bench<'_>, policy: Policy) -> Result<()> {
         let mut renderer = self.renderer(policy, true)?;
         self.render(&mut renderer)?;
@@ -189,8 +192,8 @@ impl Shot {
         Ok(())
     }
 
-    /// Runs steps of every kind twice: from moments that are 0, and from those of the first step. Parameters are those of the picture each
-    /// time, as splats and records are.
+    /// Runs steps of every kind twice: from moments of 0, and from those of the first step. Parameters are
+    /// restored each time, so that splats and records still match.
     fn learn(&self, bench: &Bench<'_>, policy: Policy) -> Result<()> {
         let mut renderer = self.renderer(policy, false)?;
         self.render(&mut renderer)?;
@@ -202,7 +205,7 @@ impl Shot {
             let parameters = [geometry?, sh?, lobes?];
             let restore =
                 || planes.iter().zip(&parameters).try_for_each(|(planes, values)| planes.restore(values, count));
-            // Sparse steps differ in which Gaussians they move, whatever else is chosen.
+            // Sparse steps select other Gaussians to move; the other options do not affect that.
             let sparse_too = !policy.compensate && !policy.packed;
             let lessons = [(false, false), (true, false), (false, true), (true, true)];
             for (opacity_only, sparse) in lessons.into_iter().filter(|(_, sparse)| !sparse || sparse_too) {

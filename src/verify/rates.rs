@@ -1,4 +1,4 @@
-//! What the device can do at most: bytes and multiply-adds per second, measured.
+//! Measures a device's peak rates: bytes and multiply-adds per second.
 
 use serde::Serialize;
 
@@ -13,18 +13,18 @@ use crate::{
 /// Measured rates.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Rates {
-    /// Bytes read and written per second by the device's own copy.
+    /// Bytes per second, read and written, of a copy on the device.
     pub bytes: f64,
     /// Float32 multiply-adds per second.
     pub operations: f64,
 }
 
-/// A measurement shorter than this says more of the launch (some µs) than of the rate.
+/// Minimum duration of a measurement: a shorter one measures the launch (some µs) rather than the rate.
 const LONG_ENOUGH: f64 = 2e-3;
-/// Largest buffer that is copied: beyond any cache, and within what every device binds.
+/// Largest buffer to copy: exceeds every cache, and fits every device's limit for one buffer.
 const MAX_COPY: usize = 128 << 20;
 const FIRST_COPY: usize = 64 << 20;
-/// Recurrences of a thread: enough to hide the latency of one (4 to 5 cycles on GPUs and CPUs).
+/// Independent recurrences per thread: enough to hide the latency of one (4 to 5 cycles on GPUs and CPUs).
 const CHAINS: u32 = 8;
 /// Steps of a recurrence between two branches.
 const DEPTH: u32 = 16;
@@ -34,7 +34,7 @@ const MAX_THREADS: u32 = 1 << 24;
 const FACTOR: f32 = 0.5;
 const TERM: f32 = 1.0;
 
-/// Measures both rates; the multiply-adds are a row like any other.
+/// Measures both rates; the multiply-adds also become an ordinary row.
 pub(super) fn measure(bench: &mut Bench<'_>) -> Result<()> {
     let context = bench.context;
     let largest = MAX_COPY.min(context.info().max_storage_bytes as usize);
@@ -64,7 +64,7 @@ pub(super) fn measure(bench: &mut Bench<'_>) -> Result<()> {
         let operations = f64::from(count) * f64::from(CHAINS * DEPTH * ROUNDS);
         bench.rates.operations = operations / times.whole();
         let mut row = bench.row("fma_rate", format!("{CHAINS} chains"));
-        // Threads repeat after 1024.
+        // Results repeat after 1024 threads.
         let got = chain_sums.download_range(0, 1024)?;
         let want = reference::fma_rate::fma_rate(1024, CHAINS, DEPTH * ROUNDS, f64::from(FACTOR), f64::from(TERM));
         row.numbers(got.into_iter().zip(want));

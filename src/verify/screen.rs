@@ -1,4 +1,4 @@
-//! The screen phase: batches of frames, their Gaussians' life from draw to prune.
+//! Verifies the screen phase: batches of frames, and 2D Gaussians from draw to prune.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -30,7 +30,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     draw(bench, frames, quick)
 }
 
-/// Two frames behind one another.
+/// Two frames one after the other in memory.
 pub const fn frames([a, b]: [(u32, u32); 2]) -> [Frame; 2] {
     [
         Frame { image_first: 0, target_first: 0, width: a.0, height: a.1 },
@@ -41,28 +41,28 @@ pub const fn frames([a, b]: [(u32, u32); 2]) -> [Frame; 2] {
 /// Two frames of different sizes, neither of whole tiles.
 pub const SMALL_FRAMES: [Frame; 2] = frames([(61, 43), (50, 70)]);
 
-/// Pixels of all frames.
+/// Number of pixels of all frames.
 pub fn pixel_count(frames: &[Frame; 2]) -> usize {
     frames.iter().map(|f| (f.width * f.height) as usize).sum()
 }
 
-/// The part of a frame in a buffer of all pixels.
+/// The slice of a frame in a buffer of all pixels.
 pub fn pixels_of<'a, T>(all: &'a [T], frame: &Frame) -> &'a [T] {
     &all[frame.image_first as usize..][..(frame.width * frame.height) as usize]
 }
 
-/// Random 2D Gaussians on places of two frames in turns; every seventh place is empty.
+/// Random 2D Gaussians whose places alternate between two frames; every seventh place is empty.
 pub struct Scattered {
-    /// By place.
+    /// 2D Gaussians by place.
     pub gaussians: Vec<ScreenGaussian>,
-    /// Frame of each place, [`NONE`] where it is empty.
+    /// Frame of each place, [`NONE`] if it is empty.
     pub frames: Vec<u32>,
-    /// By pixel of all frames, a tenth of them 0.
+    /// Depths by pixel of all frames, a tenth of these 0.
     pub depths: Vec<f32>,
 }
 
 impl Scattered {
-    /// `count` places, and the generator as it is afterwards.
+    /// `count` places, and the random generator in its final state.
     pub fn new(all: &[Frame; 2], seed: u64, count: usize) -> (Self, ChaCha8Rng) {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let frames: Vec<u32> = (0..count).map(|i| if i % 7 == 3 { NONE } else { (i / 2 % 2) as u32 }).collect();
@@ -71,7 +71,7 @@ impl Scattered {
             .map(|&f| {
                 let frame = all[f.min(1) as usize];
                 let mut gaussian = [0.0; 10];
-                // Rounded to float32, so that both sides begin with the same.
+                // Rounded to float32, so that both sides start with the same values.
                 let mut set = |p: usize, x: f64| gaussian[p] = f64::from(x as f32);
                 set(0, rng.random_range(0.0..frame.width as f64));
                 set(1, rng.random_range(0.0..frame.height as f64));
@@ -88,22 +88,22 @@ impl Scattered {
         (Scattered { gaussians, frames, depths }, rng)
     }
 
-    /// Plane-major, as the device has it.
+    /// The values plane by plane, as on the device.
     pub fn columns(&self) -> Vec<f32> {
         let n = self.gaussians.len();
         (0..SCREEN_PLANES * n).map(|k| self.gaussians[k % n][k / n] as f32).collect()
     }
 
-    /// The Gaussians of a frame and their places.
+    /// The Gaussians of a frame, and their places.
     pub fn of_frame(&self, f: u32) -> (Vec<ScreenGaussian>, Vec<usize>) {
         let places: Vec<usize> = (0..self.gaussians.len()).filter(|&i| self.frames[i] == f).collect();
         (places.iter().map(|&i| self.gaussians[i]).collect(), places)
     }
 
-    /// As the batch at hand of a rig made for it, all of whose views take steps.
+    /// Uploads as the current batch of a rig of this size; all views take steps.
     pub fn upload(&self, screen: &mut Screen, all: &[Frame; 2]) -> Result<()> {
         let count = self.gaussians.len() as u32;
-        // Who has which place is for a draw to ask.
+        // Quotas matter only for draws.
         screen.begin(all, &[View::default(); 2], &[Quota { view: 0, first: 0, budget: count }, Quota::default()])?;
         let b = &screen.buffers;
         b.screen_planes.upload(0, &self.columns())?;
@@ -112,7 +112,8 @@ impl Scattered {
     }
 }
 
-/// Projection, tile lists, blending and its backward pass of two frames at once, gradients and the step.
+/// Verifies projection, tile lists, blending and its backward pass of two frames at once, gradients and the
+/// step.
 fn batch(bench: &Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     let context = &bench.shadowed;
     let pixels = pixel_count(&all);
@@ -131,7 +132,7 @@ fn batch(bench: &Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
         }
         status.upload(0, &[0; status::WORDS])?;
     }
-    // With few Gaussians most tiles of the loss are not listed, with all of them most are.
+    // With few Gaussians most tiles of the loss are unlisted, with all of them most are listed.
     let tile_counts = screen.raster.buffers.tile_counts.download()?;
     for some in [2, 5, 9, count] {
         let counts: Vec<u32> = tile_counts.iter().enumerate().map(|(i, &n)| if i < some { n } else { 0 }).collect();
@@ -154,7 +155,8 @@ fn batch(bench: &Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     bench.run(|recorder| screen.record_step(recorder, &status))
 }
 
-/// Which tiles are blended while 2D Gaussians go: first all of them are there, then fewer and fewer.
+/// Verifies the list of blended tiles while 2D Gaussians are removed: first all are there, then fewer and
+/// fewer.
 fn listed(bench: &Bench<'_>, all: [Frame; 2], count: usize) -> Result<()> {
     let (scene, _) = Scattered::new(&all, 3, count);
     let mut screen = Screen::new(&bench.shadowed, ScreenSizes::of_frames(&all, count as u32), Policy::default())?;
@@ -193,7 +195,7 @@ fn draw(bench: &Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
     let image: Vec<[f32; 4]> = (0..pixels).map(|_| [0; 4].map(|_| rng.random_range(-0.2..1.2))).collect();
     screen.raster.buffers.image.upload(0, &image)?;
     let status = screen.status()?;
-    // Budgets; the share of pixels with a loss; the share of taken places.
+    // Budgets; fraction of pixels with a loss; fraction of occupied places.
     for (round, (budgets, dense, taken)) in (1..).zip([
         ([100, 37], 1.0, 0.0),
         ([2, 0], 1.0, 0.0),
@@ -214,7 +216,7 @@ fn draw(bench: &Bench<'_>, all: [Frame; 2], quick: bool) -> Result<()> {
             Quota { view: 12, first: budgets[0], budget: budgets[1] },
         ];
         screen.begin(&all, &[View::default(); 2], &quotas)?;
-        // In the last case the second view has its number and draws no more.
+        // In the last case the second view has reached its budget and draws no more.
         let modes = [DRAWING, if round == CASES { FILLED } else { DRAWING }];
         screen.loss.loss_map().upload(0, &losses)?;
         let b = &screen.buffers;

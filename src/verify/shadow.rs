@@ -1,6 +1,6 @@
 //! Compares every dispatch of a pipeline with its twin: the buffers that the kernel writes with those that the twin writes from the same inputs.
 
-// NaN fails: `!(x <= limit)` is meant.
+// Written so that NaN fails: `!(x <= limit)` is intended.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 use std::{
@@ -69,7 +69,7 @@ impl Shadow {
     /// Opens another context on the device, in which every dispatch is compared.
     ///
     /// # Errors
-    /// As of [`Context::judged`].
+    /// Those of [`Context::judged`].
     pub fn context(&self, context: &Context) -> Result<Context, GpuError> {
         let (found, perturb) = (self.found.clone(), self.perturb);
         let judge = Arc::new(move |shadowed: &Shadowed<'_>| judge(&mut lock(&found), perturb, shadowed));
@@ -233,7 +233,7 @@ fn words_of(shadowed: &Shadowed<'_>, binding: &Binding) -> Vec<Word> {
 /// Says how a word of each element of a buffer is compared.
 fn word_of(shadowed: &Shadowed<'_>, binding: &Binding, word: usize) -> Word {
     let halves = Word::Numbers(&[low_half, high_half]);
-    // Kernels declare as integers what is sorted by and what is packed.
+    // Kernels declare sort keys and packed values as integers.
     match (shadowed.stage, binding.name.to_bytes()) {
         ("project", b"depth_keys") => Word::Float,
         ("project", b"packed_splats") => match word {
@@ -248,12 +248,12 @@ fn word_of(shadowed: &Shadowed<'_>, binding: &Binding, word: usize) -> Word {
         },
         ("pursuit_residual" | "pursuit_blur", b"texels") => halves,
         ("project_backward" | "adam", name) if name.ends_with(b"_moments") && holds_packed(shadowed) => {
-            // Newton's steps pack three first moments of harmonics in a word, in units that another word has.
+            // Newton's steps pack three first moments of harmonics into a word; another word has their unit.
             let is_of_three = name == b"sh_moments" && shadowed.constant(c"newton") != 0;
             if is_of_three { Word::Integer } else { Word::Numbers(&[first_moment, second_moment]) }
         }
         ("pursuit_quanta", b"quanta") => Word::Numbers(&[|word| word as f32]),
-        // Compared as it is used: the share that remains.
+        // Compared by its use: the remaining fraction.
         ("pursuit_attenuate", b"explained") => Word::Numbers(&[|word| (1.0 - f64::from(word) / WHOLE) as f32]),
         ("resolve", b"target") => {
             match bytemuck::pod_read_unaligned::<kernels::resolve::Push>(&shadowed.twin.push).format {
@@ -410,14 +410,15 @@ fn off(&(got, want): &(f32, f64)) -> f64 {
     (f64::from(got) - want).abs()
 }
 
-/// What a flip may change, relative to the largest number: α by 1/255, the border of pursuit's window what remains by 0.044.
+/// Maximum effect of a flip, relative to the largest number: 1/255 for α; at the border of pursuit's window,
+/// 0.044 of the remaining fraction.
 const FLIP: f64 = 0.05;
 
 /// Removes the worst pairs until the others are within the bounds, because a flip at a threshold changes dependent numbers by more than
 /// rounding does. Returns how many it removed, and how many of these differ by more than a flip explains.
 fn leave_out(pairs: &mut Vec<(f32, f64)>, bound: &Bound) -> (usize, usize) {
     pairs.sort_by(|a, b| off(a).total_cmp(&off(b)));
-    // The longest prefix that is within the bounds, and the sums over what was looked at.
+    // The longest prefix within the bounds, and the sums over the pairs seen so far.
     let (mut held, mut error, mut signed) = (0, 0.0, 0.0);
     let [mut largest, mut squares, mut size] = [0.0f64; 3];
     for (i, pair) in pairs.iter().enumerate() {

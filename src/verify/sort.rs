@@ -1,4 +1,4 @@
-//! Scan and radix sort, of every digit width that sorting chooses from.
+//! Verifies scan and radix sort, with every digit width that sorting uses.
 
 use super::Bench;
 use crate::{
@@ -13,12 +13,12 @@ use crate::{
     },
 };
 
-/// Widths of keys: 32 bits are depths (four digits of 8), the others the tile numbers of small and large images (digits of 1,
-/// 3, 8, twice 6 and twice 7).
+/// Widths of keys: 32 bits for depths (four digits of 8), the others for tile numbers of small and large
+/// images (digits of 1, 3, 8, twice 6 and twice 7).
 const KEY_BITS: [u32; 6] = [32, 1, 3, 8, 12, 13];
 
 pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
-    // One item less than whole blocks and workgroups.
+    // One item less than a multiple of blocks and workgroups.
     let items: u32 = if quick { 30_719 } else { (1 << 20) - 1 };
     for gather in [false, true] {
         scan(bench, items, gather)?;
@@ -31,7 +31,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     Ok(())
 }
 
-/// Of several workgroups, the last not full.
+/// A small case of several workgroups, the last one partial.
 pub(super) fn check(bench: &Bench<'_>) -> Result<()> {
     let items = 20_479;
     scan(bench, items, false)?;
@@ -43,13 +43,13 @@ pub(super) fn noise(i: u32) -> u32 {
     (x ^ x >> 15).wrapping_mul(0x846c_a68b)
 }
 
-/// What a count that is too large is told as.
+/// Resource to report if a count is too large.
 const RESOURCE: Resource = Resource::Intersections;
 /// Words of the count buffer.
 const ITEMS: u32 = 0;
 const RESULT: u32 = 1;
 
-/// A number of items on the device and the workgroups for it.
+/// A number of items on the device, with its dispatch.
 struct Counted {
     count: Buffer<u32>,
     args: Buffer<u32>,
@@ -90,7 +90,7 @@ impl Counted {
 fn scan(bench: &Bench<'_>, items: u32, gather: bool) -> Result<()> {
     let context = &bench.shadowed;
     let counted = Counted::new(bench, items)?;
-    // The sum passes 2^32, where a scan stays at the largest number, in its last part.
+    // The total exceeds 2^32 in the last part, so a scan must saturate.
     let values: Vec<u32> = (0..items).map(|i| noise(i) % (u32::MAX / items * 5 / 2)).collect();
     let index: Vec<u32> = (0..items).map(|i| noise(i + 9) % items).collect();
     let values = Buffer::from_slice(context, "values", &values)?;
@@ -104,13 +104,13 @@ fn scan(bench: &Bench<'_>, items: u32, gather: bool) -> Result<()> {
         let buffers = ScanBuffers { values: &values, index, block_sums: &block_sums, offsets: &offsets };
         stage.record(recorder, &buffers, counted.extent(), RESULT);
     })?;
-    // More than there is room for.
+    // More items than fit.
     bench.run(|recorder| counted.record(recorder, items / 3))
 }
 
 fn radix(bench: &Bench<'_>, items: u32, key_bits: u32, input_is: Input) -> Result<()> {
     let context = &bench.shadowed;
-    // Every third has no key in a compacting sort.
+    // In a compacting sort every third has no key.
     let compact = input_is != Input::All;
     let key = |i: u32| if compact && noise(i).is_multiple_of(3) { NO_KEY } else { noise(i + 5) >> (32 - key_bits) };
     let keys: Vec<u32> = (0..items).map(key).collect();

@@ -1,4 +1,4 @@
-//! A training task without data, for benches.
+//! A synthetic training task for benchmarks, without a dataset.
 
 use glam::DMat3;
 
@@ -14,22 +14,22 @@ use crate::{
     scene::{Camera, Scene},
 };
 
-/// What there is to train on.
+/// Size of a synthetic training task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Load {
     /// Pixels of the views.
     pub width: u32,
     /// Pixels of the views.
     pub height: u32,
-    /// Random ones, which cover the views as often whatever their number.
+    /// Number of random Gaussians; their total coverage of the views does not depend on it.
     pub gaussians: usize,
 }
 
-/// Random Gaussians, and four views whose photographs show the same ones with colours that have changed places. They cover an image
-/// `overlap` times as often as 2,000 of the usual size do.
+/// Random Gaussians, and four views. The photographs show the same Gaussians with permuted colours. The coverage of
+/// an image is `overlap` times that of 2,000 Gaussians of the usual size.
 ///
 /// # Errors
-/// [`Error::Usage`] for a load of no Gaussians; what the device lacks for them.
+/// [`Error::Usage`] for a load without Gaussians; errors of the device.
 pub fn random_task(context: &Context, load: Load, overlap: f64, sh_degree: u32) -> Result<(Model, Views)> {
     let Load { width, height, gaussians } = load;
     if gaussians == 0 {

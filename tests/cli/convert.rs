@@ -1,4 +1,4 @@
-//! `glint convert`, and scenes of other kinds wherever one is asked for.
+//! Tests `glint convert`, and scenes of other formats in every command that takes a scene.
 
 use std::fs;
 
@@ -12,7 +12,7 @@ use super::Work;
 
 const ENDINGS: [&str; 6] = ["ply", "glb", "compressed.ply", "sog", "spz", "splat"];
 
-/// A scene that the cameras of [`Work`] see.
+/// A scene within view of the cameras of [`Work`].
 fn visible(supplement: usize) -> Scene {
     let mut scene = random_scene(4, 200, supplement, 1);
     let near = |means: &mut Vec<[f32; 3]>| means.iter_mut().for_each(|mean| *mean = mean.map(f32::sin));
@@ -21,7 +21,7 @@ fn visible(supplement: usize) -> Scene {
     scene
 }
 
-/// What a PLY of another program has besides is told by every command that reads the scene.
+/// Every command that reads a PLY reports the extra properties of another program.
 #[test]
 fn properties_that_change_the_picture_are_told() {
     let work = Work::new();
@@ -67,7 +67,7 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
         assert_eq!(report["sh_degree"], if ending == "splat" { 0 } else { 1 }, "{ending}");
         assert_eq!(report["input_bytes"], fs::metadata(work.path("base.ply")).unwrap().len());
         assert_eq!(report["output_bytes"], fs::metadata(work.path(&out)).unwrap().len());
-        // Of what PLY keeps there is no difference, of which JSON has no number.
+        // PLY keeps everything, so the difference is 0 and JSON has no PSNR.
         let psnr = report["psnr"].as_f64();
         assert!(if ending == "ply" { psnr.is_none() } else { psnr.unwrap() > 20.0 }, "{ending}: {report}");
         assert_eq!(work.json(&format!("info {out} --json"))["base"]["count"], 200);
@@ -89,12 +89,12 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
     }
     work.ok("eval a.spz data");
     for version in 1..=3 {
-        // What is kept is looked at in tests/formats; this asks only that it is the same scene, as above.
+        // tests/formats checks the kept data; here it suffices that it is the same scene.
         let convert = format!("convert base.ply v{version}.spz --spz-version {version} --compare data --json");
         assert!(work.json(&convert)["psnr"].as_f64().unwrap() > 20.0);
     }
     assert!(work.ok("convert base.ply same.ply --compare data").contains("renders as the input does"));
-    // What cannot be compared is not written.
+    // If the comparison is impossible, nothing is written.
     work.refused("convert base.ply x.spz --compare data --holdout none --split test", &["test split"]);
     assert!(!work.path("x.spz").exists());
     assert_eq!(read_scene(work.path("v3.spz")).unwrap(), read_scene(work.path("a.spz")).unwrap());
@@ -128,7 +128,7 @@ fn lobes_are_kept_refused_or_left_out_when_asked() {
         let file = read_scene_file(work.path(&out)).unwrap();
         assert!(file.scene.supplement.is_none() && file.shown.is_none());
     }
-    // What other viewers show, not what became of it.
+    // The base for other viewers, not the trained one.
     assert_eq!(read_scene(work.path("b.ply")).unwrap().base, shown);
     let copy = work.ok("convert augmented.ply copy.ply");
     assert!(copy.contains("30 with lobes"));
@@ -150,7 +150,7 @@ fn nothing_is_written_over_or_left_half_done() {
     let bytes = fs::read(work.path("a.spz")).unwrap();
     fs::write(work.path("cut.spz"), &bytes[..bytes.len() - 9]).unwrap();
     work.refused("convert cut.spz b.ply", &["cut.spz"]);
-    // A row that is not sound, by its number, and gone when asked.
+    // An invalid row is named by its number, and dropped on request.
     work.ok("convert base.ply a.splat");
     let mut bytes = fs::read(work.path("a.splat")).unwrap();
     bytes[32 * 7..32 * 7 + 4].copy_from_slice(&f32::NAN.to_le_bytes());

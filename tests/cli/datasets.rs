@@ -1,4 +1,4 @@
-//! What is said of datasets, and the options that say how they are read.
+//! Tests messages about datasets, and the options for reading them.
 
 use std::{fmt::Write as _, fs};
 
@@ -8,7 +8,7 @@ use glint::reference::sample::random_scene;
 use super::{NAMES, Work};
 
 impl Work {
-    /// Replaces a file's text.
+    /// Edits a file's text.
     pub(super) fn edit(&self, name: &str, change: impl Fn(&str) -> String) {
         let text = fs::read_to_string(self.path(name)).unwrap();
         fs::write(self.path(name), change(&text)).unwrap();
@@ -32,13 +32,13 @@ fn photos_folder_model_and_split_can_be_chosen() {
     assert_eq!(counts(""), [7, 2]);
     assert_eq!(counts("--holdout 3"), [6, 3]);
     assert_eq!(counts("--holdout none"), [9, 0]);
-    // Nine cameras on an arc: the end that begins with a.png.
+    // Nine cameras on an arc: the sector is the end that starts with a.png.
     assert_eq!(counts("--holdout sector"), [7, 2]);
     work.ok("train data -o sector.ply --iterations 2 --holdout sector");
     let views = work.json("eval sector.ply data --holdout sector --json");
     let names: Vec<&str> = views["views"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["a.png", "b/c.png"]);
-    // All are trained on, and nothing is left to judge by.
+    // All photos are for training, so nothing is left to evaluate.
     assert_eq!(work.json("train data -o all.ply --iterations 2 --holdout none --json")["photos"], 9);
     work.refused("eval all.ply data --holdout none", &["the test split has no photos", "9 in all"]);
     for bad in ["0", "1", "x"] {
@@ -64,7 +64,7 @@ fn photos_folder_model_and_split_can_be_chosen() {
     work.refused("train data -o x.ply --model sparse/2", &["sparse/2", "sparse/0, sparse/1"]);
 }
 
-/// With the size of a reduced folder, and not where the user says how photos are to be found or reduced.
+/// The folder is used if its size matches, unless the user selects the photos or the method of downscaling.
 #[test]
 fn a_reduced_folder_is_taken_where_its_size_is_asked_for() {
     let work = Work::new();
@@ -78,7 +78,7 @@ fn a_reduced_folder_is_taken_where_its_size_is_asked_for() {
         notes.contains("the photos in images_2 have the size asked for")
     };
     assert!(taken("--max-size 16"));
-    // Neither those nor the ones in full are written over.
+    // Neither these nor the full-size photos are overwritten.
     for folder in ["images", "images_2"] {
         let render = format!("render x.ply data --max-size 16 -o data/{folder} --force");
         work.refused(&render, &["data", folder, "read"]);
@@ -94,13 +94,13 @@ fn missing_photos_are_left_out_with_a_note() {
     fs::remove_file(work.path("data/images/e.png")).unwrap();
     let notes = work.notes("train data -o x.ply --iterations 2");
     assert!(notes.contains("1 photo of 9 left out") && notes.contains("`e.png`"), "{notes}");
-    // The others are split as they were.
+    // The other photos keep their split.
     let views = work.json("eval x.ply data --json");
     let names: Vec<&str> = views["views"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["a.png", "i.png"]);
 }
 
-/// The loss stayed constant, a PLY was written, and the exit code was 0.
+/// A regression test: the loss stayed constant, a PLY was written, and the exit code was 0.
 #[test]
 fn a_dataset_of_which_nothing_can_be_seen_is_refused_before_training() {
     let scaled = |scale: f64| {
@@ -132,11 +132,11 @@ fn a_dataset_of_which_nothing_can_be_seen_is_refused_before_training() {
     base.base.means.iter_mut().flatten().for_each(|v| *v *= 1e-4);
     write_scene(work.path("base.ply"), &base).unwrap();
     work.refused("enhance data --base base.ply -o x.ply", &["no training photo sees a Gaussian", "another's"]);
-    // Behind most cameras: those see none, which is said.
+    // A scene behind most cameras: a note reports that those see nothing.
     let work = Work::new();
     let turned = |text: &str| {
         let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-        // The fourth photo looks away: its axes turned by π about y.
+        // The fourth photo looks away: its axes are rotated by π about y.
         let mut words: Vec<String> = lines[6].split(' ').map(str::to_owned).collect();
         let [w, x, y, z] = [1, 2, 3, 4].map(|i| words[i].clone());
         let minus = |v: String| v.strip_prefix('-').map_or(format!("-{v}"), str::to_owned);
@@ -152,7 +152,7 @@ fn a_dataset_of_which_nothing_can_be_seen_is_refused_before_training() {
     assert!(notes.contains("1 of 7 training photos see no Gaussian"), "{notes}");
 }
 
-/// A photo of which no pixel counts is left out of what is measured, and where none counts nothing is learned or measured.
+/// A fully masked photo is left out of evaluations; if all are masked, training and evaluation are errors.
 #[test]
 fn photos_that_masks_hide_whole_are_left_out() {
     let work = Work::new();
@@ -190,7 +190,7 @@ fn photos_that_masks_hide_whole_are_left_out() {
     assert!(!work.path("none.ply").exists());
 }
 
-/// A third of each training photo is noise, which masks leave out: what is learned of the rest is better than with it.
+/// A third of each training photo is masked noise: the result is better than training on the noise.
 #[test]
 fn masks_keep_what_they_hide_out_of_the_scene() {
     let work = Work::new();
@@ -200,13 +200,13 @@ fn masks_keep_what_they_hide_out_of_the_scene() {
         let (mut mask, mut state) = (image::GrayImage::from_pixel(32, 24, image::Luma([255])), 1u32);
         for (x, y, pixel) in photo.enumerate_pixels_mut() {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            // Elsewhere in each photo, so that others show what it hides.
+            // At different places in each photo, so that others show the hidden part.
             if (x + y / 2 + u32::from(name.as_bytes()[0])) % 12 < 4 {
                 pixel.0 = [(); 3].map(|()| (state >> 24) as u8);
                 mask.put_pixel(x, y, image::Luma([0]));
             }
         }
-        // The photos to be judged by stay as they are.
+        // The test photos stay unchanged.
         if name != "a.png" && name != "i.png" {
             photo.save_with_format(&file, image::ImageFormat::Png).unwrap();
             let path = work.path("data/masks").join(format!("{name}.png"));
@@ -218,7 +218,7 @@ fn masks_keep_what_they_hide_out_of_the_scene() {
     let notes = work.notes("train data -o masked.ply --iterations 300");
     assert!(notes.contains("7 photos of 9"), "{notes}");
     assert_eq!(work.json("info data --json")["masked"], 7);
-    // What is compared with a photo of which a mask leaves a part out, is the rest.
+    // The comparison with a masked photo only covers the unmasked part.
     let judged = work.json("eval masked.ply data --split train --json");
     fs::rename(work.path("data/masks"), work.path("unused")).unwrap();
     work.ok("train data -o noisy.ply --iterations 300");
@@ -239,7 +239,7 @@ fn files_of_other_kinds_are_called_what_they_are() {
     for (file, word) in [("x.ksplat", ".ksplat scene"), ("x.safetensors", "safetensors")] {
         work.refused(&format!("train {file} -o x.ply"), &[file, word, "COLMAP"]);
     }
-    // What is wrong with a scene is its reader's to say.
+    // Faults of a scene are reported by its reader.
     fs::write(work.path("x.splat"), [7; 65]).unwrap();
     fs::write(work.path("x.spz"), b"\x1f\x8b\x08\0\0\0").unwrap();
     fs::write(work.path("y.spz"), b"NGSP\x04\0\0\0").unwrap();
@@ -259,7 +259,7 @@ fn files_of_other_kinds_are_called_what_they_are() {
     work.refused("info data/images/a.png", &["a.png", "is an image"]);
 }
 
-/// What people try first. The text is part of the contract.
+/// Common mistakes of new users. The message is part of the contract.
 #[test]
 fn mistakes_get_the_next_step() {
     let work = Work::new();
@@ -272,7 +272,7 @@ fn mistakes_get_the_next_step() {
     fs::write(work.path("clip.mov"), b"\0\0\0\x14ftypqt  ").unwrap();
     fs::create_dir(work.path("above")).unwrap();
     fs::rename(work.path("data"), work.path("above/data")).unwrap();
-    // Any command that takes a dataset.
+    // Every command that takes a dataset.
     for command in ["train {} -o x.ply", "enhance {} --base base.ply -o x.ply", "eval base.ply {}", "info {}"] {
         let refused = |path: &str, words: &[&str]| work.refused(&command.replace("{}", path), words);
         refused(
@@ -305,7 +305,7 @@ fn mistakes_get_the_next_step() {
     work.refused("train data -o x.ply --init=~/x.ply", &["the shell has not replaced `~`"]);
 }
 
-/// It ended in an abort: there was no memory for as many random points.
+/// A regression test: it aborted, since there was no memory for that many random points.
 #[test]
 fn absurd_numbers_are_refused_before_there_is_room_for_them() {
     let work = Work::new();
@@ -314,7 +314,7 @@ fn absurd_numbers_are_refused_before_there_is_room_for_them() {
     for strategy in ["", "--strategy mcmc", "--precision half"] {
         refused(&format!("--gaussians 3000000000 {strategy}"), &[&["--gaussians 3000000000"], &most[..]].concat());
     }
-    // No more points are taken than there are.
+    // The number of points is limited by the existing ones.
     work.ok("train data -o y.ply --points 3000000000 --iterations 1");
     // Photos are never enlarged.
     work.ok("train data -o z.ply --max-size 4294967295 --iterations 1");

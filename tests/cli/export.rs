@@ -1,4 +1,4 @@
-//! `glint export`. What the page shows is judged in `tests/page.rs`.
+//! Tests `glint export`. `tests/page.rs` tests the page's rendering.
 
 use std::fs;
 

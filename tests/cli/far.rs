@@ -1,4 +1,4 @@
-//! Datasets far from the world's origin, as a drone's are.
+//! Tests datasets far from the world's origin, like those of drones.
 
 use std::fmt::Write;
 
@@ -6,7 +6,8 @@ use glint::data::{Dataset, DatasetOptions, write_png_bytes};
 
 use super::*;
 
-/// Nine photos of a dataset at 64 pixels and 800 of its points as a COLMAP text model in `folder`, moved by `by`.
+/// Writes nine photos of a dataset at 64 pixels and 800 of its points as a COLMAP text model to `folder`,
+/// translated by `by`.
 fn moved(dataset: &Dataset, by: DVec3, folder: &Path) {
     let model = folder.join("sparse/0");
     fs::create_dir_all(&model).unwrap();
@@ -15,7 +16,7 @@ fn moved(dataset: &Dataset, by: DVec3, folder: &Path) {
     for (i, photo) in dataset.photos.iter().step_by(dataset.photos.len() / 9).take(9).enumerate() {
         let image = photo.load([0.0; 3]).unwrap();
         write_png_bytes(folder.join(format!("images/{i}.png")), image.width, image.height, &image.rgb).unwrap();
-        // Where the eye is moved by so much.
+        // The camera, translated along with the eye.
         let camera = photo.camera.around(-by);
         let Camera { width, height, fx, fy, cx, cy, .. } = camera;
         writeln!(cameras, "{} PINHOLE {width} {height} {fx} {fy} {cx} {cy}", i + 1).unwrap();
@@ -35,7 +36,7 @@ fn moved(dataset: &Dataset, by: DVec3, folder: &Path) {
     }
 }
 
-/// It was 19.53 dB for 26.76: a PLY's float32 has steps of half a unit there.
+/// A regression test: it was 19.53 dB instead of 26.76, since a PLY's float32 has steps of half a unit there.
 #[test]
 fn a_georeferenced_scene_is_as_good_as_at_home() {
     let Some(garden) = shared::shared("small/garden") else { return };
@@ -48,7 +49,7 @@ fn a_georeferenced_scene_is_as_good_as_at_home() {
         let output = work.run(&format!("train {name} -o {name}.ply --iterations 200 --gaussians 800 --deterministic"));
         let said = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.success(), "{said}");
-        // Told before the first step.
+        // Reported before the first step.
         assert_eq!(said.contains("note: the cameras stand far from the world's origin"), name == "there", "{said}");
         let report = work.json(&format!("eval {name}.ply {name} --split all --json"));
         found.push(report["augmented"]["psnr"].as_f64().unwrap());
@@ -58,7 +59,8 @@ fn a_georeferenced_scene_is_as_good_as_at_home() {
     let header = String::from_utf8_lossy(&fs::read(work.path("there.ply")).unwrap()).into_owned();
     let origin = read_scene(work.path("there.ply")).unwrap().origin;
     assert!(origin.distance(utm) < 10.0 && header.contains(&format!("comment origin {} {}", origin.x, origin.y)));
-    // Other files hold the same scene; one that has no place for the origin is told, and shows nothing there.
+    // Other formats hold the same scene; one that cannot store the origin gives a note, and shows nothing
+    // there.
     for file in ["there.glb", "there.sog", "there.compressed.ply", "there.spz"] {
         let said = String::from_utf8(work.run(&format!("convert there.ply {file}")).stderr).unwrap();
         if file == "there.spz" {
@@ -72,7 +74,7 @@ fn a_georeferenced_scene_is_as_good_as_at_home() {
         let psnr = work.json(&format!("eval {file} there --split all --json"))["augmented"]["psnr"].as_f64().unwrap();
         assert!((psnr - found[1]).abs() < 0.5, "{file}: {psnr} of {found:?}");
     }
-    // What goes on from the file stays there: a base that learns on, and a supplement.
+    // Training and augmentation of the file keep its origin.
     work.ok("train there --init there.ply -o more.ply --iterations 20 --gaussians 800");
     work.ok("enhance there --base there.ply -o augmented.ply --method augs --preset quick --ratio 0.1");
     for file in ["more.ply", "augmented.ply"] {

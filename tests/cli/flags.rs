@@ -1,4 +1,4 @@
-//! Options and seeds change what is made, and a run that is repeated does not.
+//! Options and seeds change the result; repeating a run does not.
 
 use std::fs;
 
@@ -7,8 +7,8 @@ use image::Rgba;
 use super::{NAMES, Work, run};
 
 impl Work {
-    /// The scene that a command makes with some options. Without the validation layers, which would take a third of the time: other
-    /// tests have them look at the same commands.
+    /// The scene that a command makes with some options. Validation layers are off, as they would take a
+    /// third of the time: other tests run the same commands with them.
     fn made(&self, command: &str, options: &str) -> Vec<u8> {
         let arguments = format!("{command} -o made.ply --force {options}");
         let output = run::run(self.command(&arguments).env_remove("GLINT_VALIDATION"));
@@ -16,7 +16,7 @@ impl Work {
         fs::read(self.path("made.ply")).unwrap()
     }
 
-    /// `command` must make the same scene twice, and another with each of `options`.
+    /// Checks that `command` gives the same scene twice, and another one with each of `options`.
     fn changes(&self, command: &str, options: &[&str]) {
         let plain = self.made(command, "");
         assert!(self.made(command, "") == plain, "{command} makes another scene every time");
@@ -25,8 +25,8 @@ impl Work {
     }
 }
 
-/// A seed that was not used for the order of photos, and a background that was ignored, once passed all tests. Here all sparse
-/// points are taken, so that the seed has nothing but the order to change.
+/// A regression test: a seed that was not used for the order of photos, and an ignored background, passed all
+/// tests. All sparse points are used here, so that the seed only affects the order.
 #[test]
 fn every_option_of_training_changes_the_scene() {
     let options = [
@@ -46,7 +46,8 @@ fn every_option_of_training_changes_the_scene() {
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
     work.changes(train, &options);
     assert!(work.made(train, "--test-every none") == work.made(train, "--holdout none"));
-    // Before its first refinement adaptive control does nothing, but its steps are Adam's; MCMC begins with other opacities too.
+    // Before its first refinement adaptive control does nothing, but its steps are Adam's; MCMC also has
+    // other initial opacities.
     for strategy in ["adc", "mcmc"] {
         assert!(work.made(train, &format!("--strategy {strategy}")) != work.made(train, "--strategy fixed"));
     }
@@ -82,11 +83,11 @@ fn every_option_of_augmenting_changes_the_scene() {
     }
 }
 
-/// Photos of which a part is transparent are learned from, and judged by, as if they had been taken before the background.
+/// Partly transparent photos are used in training and evaluation as if taken in front of the background.
 #[test]
 fn what_is_transparent_in_a_photo_has_the_background() {
     let work = Work::new();
-    // What a transparent pixel holds besides is nobody's business.
+    // The colour of a fully transparent pixel must not matter.
     let fill = |work: &Work, hidden: Rgba<u8>| {
         for name in NAMES {
             let path = work.path("data/images").join(name);

@@ -1,4 +1,4 @@
-//! What is run on a GPU, where there is none.
+//! Tests the GPU benchmark scripts on a machine without a GPU.
 
 use std::os::unix::fs::{PermissionsExt, symlink};
 
@@ -6,7 +6,7 @@ use glint::data::{Dataset, DatasetOptions, Split};
 
 use super::*;
 
-/// `bench/gpu` with nothing packed but the program, which does not verify here: tests/verify.rs does.
+/// `bench/gpu` with only the program packed, and without verification: tests/verify.rs covers that.
 #[test]
 fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
     let work = Work::new();
@@ -19,7 +19,7 @@ fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
     fs::set_permissions(work.path("packed/glint"), fs::Permissions::from_mode(0o755)).unwrap();
     fs::create_dir(work.path("all")).unwrap();
     symlink(work.path("data"), work.path("all/garden")).unwrap();
-    // A Python that has all that gsplat takes while there is a file `there`, upon which gsplat fails.
+    // A fake Python that has gsplat's requirements while the file `there` exists; gsplat itself then fails.
     symlink(script.with_file_name("gsplat_mcmc.py"), work.path("packed/gsplat_mcmc.py")).unwrap();
     fs::create_dir(work.path("python")).unwrap();
     let there = work.path("there");
@@ -56,7 +56,7 @@ fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
     assert!(scene["train"]["gaussians"].as_u64().unwrap() > 0 && scene["enhance"].is_object());
     let psnr = |part: &str| scene[part]["augmented"]["psnr"].as_f64().unwrap();
     assert!(psnr("base") > 5.0 && psnr("augmented") > 5.0);
-    // What is not glint's fails by itself.
+    // Failures of programs other than glint only appear in the results.
     let [beside] = &found["gsplat"].as_array().unwrap()[..] else { panic!("{found}") };
     assert_eq!(
         (&beside["scene"], &beside["gsplat"]["failed"], &beside["train"]["iterations"]),
@@ -71,7 +71,7 @@ fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
     assert!(said.contains("failed with 2") && said.contains("images"), "{said}");
     assert_eq!(found["gsplat"]["absent"], "\"torch\" \\ none");
 
-    // What has no time left is told as such.
+    // A piece without time left is reported as such.
     let (code, _, found) = run("all --within 0");
     assert_eq!(
         (code, &found["devices"]["failed"], &found["scenes"][0]["train"]["failed"]),
@@ -80,7 +80,7 @@ fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
     assert_eq!(found["gsplat"]["absent"], "python3 gave no answer");
 }
 
-/// Where there is Python: it needs no torch to read a model.
+/// Only if Python is installed; reading a model needs no torch.
 #[test]
 fn what_gsplat_is_given_are_the_cameras_that_glint_has() {
     let Some(garden) = shared::shared("small/garden") else { return };
@@ -105,7 +105,7 @@ assert g.schedule(7000, 9) == {'cap_max': 9, 'refine_start_iter': 116, 'refine_s
         assert_eq!((name, *size), (&photo.name, [camera.width, camera.height]));
         let ours =
             [[camera.fx, camera.fy, camera.cx].as_slice(), &[camera.cy], &camera.translation.to_array()].concat();
-        // JSON is read to a unit in the last place.
+        // JSON parsing is exact to a unit in the last place.
         assert!(k.iter().chain(translation).zip(ours).all(|(a, b)| (a - b).abs() < 1e-12 * b.abs()), "{name}");
         assert_eq!(i % 8 == 0, photo.split == Split::Test);
         let theirs = DMat3::from_cols_array_2d(rotation).transpose();

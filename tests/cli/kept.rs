@@ -1,4 +1,4 @@
-//! Runs that are killed, interrupted or fail go on from their checkpoint to the same bits.
+//! Runs that are killed, interrupted or fail resume from their checkpoint to the same bits.
 
 use std::{
     fs,
@@ -21,7 +21,7 @@ const TRAIN: &str = "train data --iterations 400 --sh-degree 1 --deterministic";
 const ENHANCE: &str = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --deterministic";
 
 impl Work {
-    /// Starts a command that keeps what it can, and kills it once `file` is there, or is another than it was.
+    /// Starts a command that writes checkpoints, and kills it when `file` appears or changes.
     pub(super) fn killed(&self, arguments: &str, file: &str) {
         let file = self.path(file);
         let written = |file: &Path| fs::metadata(file).and_then(|found| found.modified()).ok();
@@ -39,7 +39,8 @@ impl Work {
         sweep(file.parent().unwrap());
     }
 
-    /// Starts a command that keeps what it can at every opportunity, and kills it so much later, if it is still there.
+    /// Starts a command that writes checkpoints as often as possible, and kills it after `time`, if it still
+    /// runs.
     fn killed_after(&self, arguments: &str, time: Duration) {
         let mut command = self.command(&format!("{arguments} --checkpoint-every 0"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -49,17 +50,17 @@ impl Work {
         sweep(self.0.path());
     }
 
-    /// Runs a command whose files may have so many blocks of 512 bytes.
+    /// Runs a command whose files are limited to `blocks` blocks of 512 bytes.
     #[cfg(unix)]
     fn run_with_files_below(&self, blocks: u32, arguments: &str) -> Output {
         let mut command = Command::new("sh");
-        // A signal that is ignored stays so in the program that follows.
+        // An ignored signal stays ignored in the program that follows.
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec {} {arguments}", env!("CARGO_BIN_EXE_glint"));
         command.current_dir(self.0.path()).args(["-c", &script]);
         run::run(&mut command)
     }
 
-    /// Runs a command that must succeed; what it says on stderr.
+    /// Runs a command that must succeed; returns its stderr.
     #[track_caller]
     fn said(&self, arguments: &str) -> String {
         let output = self.run(arguments);
@@ -69,7 +70,7 @@ impl Work {
     }
 }
 
-/// What was on its way is no checkpoint; the next run sweeps it when it is a minute old.
+/// Temporary files are not checkpoints; the next run sweeps them when they are a minute old.
 fn sweep(folder: &Path) {
     for name in files(folder).iter().filter(|name| name.starts_with(".glint-")) {
         fs::remove_file(folder.join(name)).unwrap();
@@ -83,7 +84,7 @@ fn values_of(tensor: &Tensor) -> ValuesRef<'_> {
     }
 }
 
-/// What a checkpoint says of itself.
+/// The description in a checkpoint.
 fn about(path: &Path) -> Value {
     let bytes = fs::read(path).unwrap();
     let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
@@ -99,7 +100,7 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     let taken = started.elapsed();
     let whole = fs::read(work.path("whole.ply")).unwrap();
     assert_eq!(files(work.0.path()), ["data", "whole.ply"]);
-    // Five times: with the first checkpoint, with one of a run that goes on itself, and wherever it is after a while.
+    // Five kills: at the first checkpoint, at one of a resumed run, and after various times.
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     for share in [0.05, 0.1, 0.2] {
@@ -113,12 +114,12 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     assert!(fs::read(work.path("out.ply")).unwrap() == whole);
     assert_eq!(files(work.0.path()), ["data", "out.ply", "whole.ply"]);
 
-    // Losses of before are not forgotten.
+    // Losses from before the kill are kept.
     let plain = work.json(&format!("{TRAIN} -o whole.ply --force --json"));
     assert_eq!(plain["iterations_resumed"], 0);
     assert_eq!(plain["final_loss"], report["final_loss"]);
 
-    // A checkpoint that is damaged is of no use, and that is said.
+    // A damaged checkpoint is reported and not used.
     work.killed(&format!("{TRAIN} -o out.ply --force"), CHECKPOINT);
     let kept = fs::read(work.path(CHECKPOINT)).unwrap();
     let mut flipped = kept.clone();
@@ -130,14 +131,14 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
         assert!(fs::read(work.path("out.ply")).unwrap() == whole);
         assert!(!work.path(CHECKPOINT).exists());
     }
-    // And a file that never was one is somebody's.
+    // A file that never was a checkpoint belongs to somebody else.
     fs::write(work.path(CHECKPOINT), "notes").unwrap();
     fs::remove_file(work.path("out.ply")).unwrap();
     work.refused(&format!("{TRAIN} -o out.ply"), &[CHECKPOINT, "nothing that glint knows", "--restart begins anew"]);
     assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
-/// What was learned can be looked at and begun with, without the run's command.
+/// A checkpoint can be inspected and used as an initial scene, independent of the run's command.
 #[cfg(unix)]
 #[test]
 fn a_checkpoint_is_a_scene() {
@@ -150,13 +151,13 @@ fn a_checkpoint_is_a_scene() {
     }
     assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
     assert_eq!(run::finish(child).status.code(), Some(130));
-    // The scene and the checkpoint of a run that was ended are of one step.
+    // The scene and the checkpoint of an interrupted run are from the same step.
     work.ok(&format!("convert {CHECKPOINT} copy.ply"));
     assert!(fs::read(work.path("copy.ply")).unwrap() == fs::read(work.path("out.ply")).unwrap());
     assert_eq!(work.json(&format!("info {CHECKPOINT} --json")), work.json("info out.ply --json"));
     let said = work.said(&format!("train data --init {CHECKPOINT} -o on.ply --iterations 2"));
     assert!(!said.contains("note: "), "{said}");
-    // An augmentation keeps its base and what was placed.
+    // A checkpoint of an augmentation has the base and the placed Gaussians.
     let enhance = "enhance data --base copy.ply -o more.ply --ratio 0.2";
     work.killed(enhance, "more.checkpoint.safetensors");
     let info = work.json("info more.checkpoint.safetensors --json");
@@ -172,7 +173,7 @@ fn a_checkpoint_is_a_scene() {
     work.refused("info other.safetensors", &["other.safetensors", "expected a checkpoint of train or enhance"]);
 }
 
-/// They would take each other's checkpoints.
+/// Two runs would overwrite each other's checkpoints.
 #[test]
 fn a_second_run_to_one_place_is_refused() {
     let work = Work::new();
@@ -193,13 +194,13 @@ fn a_second_run_to_one_place_is_refused() {
         }
         child.kill().unwrap();
         run::finish(child);
-        // A killed one holds nobody up.
+        // A killed run does not block others.
         work.ok(&arguments);
         fs::remove_file(work.path("out.ply")).unwrap();
     }
 }
 
-/// It ends as if it had stood still meanwhile, and is another run with another time.
+/// A resumed run ends as if it had been suspended; a run with another time limit is a different run.
 #[test]
 fn a_run_by_time_that_was_killed_has_the_time_that_is_left() {
     let work = Work::new();
@@ -222,13 +223,13 @@ fn a_run_by_time_that_was_killed_has_the_time_that_is_left() {
     assert_eq!(files(work.0.path()), ["data", "out.ply"]);
 }
 
-/// A run that ended at a step at which it was to be looked at is looked at when it goes on.
+/// If a run was killed at an evaluation step, the resumed run catches up on the evaluation.
 #[test]
 fn an_evaluation_that_a_kill_took_is_made_up_for() {
     let work = Work::new();
     const SHORT: &str = "train data --iterations 60 --sh-degree 1 --deterministic -o out.ply";
     work.killed(SHORT, CHECKPOINT);
-    // Just there it was to be looked at.
+    // The kill was exactly at an evaluation step.
     let every = about(&work.path(CHECKPOINT))["step"].as_u64().unwrap();
     let report = work.json(&format!("{SHORT} --eval-every {every} --json"));
     let resumed = report["iterations_resumed"].as_u64().unwrap();
@@ -292,11 +293,11 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
     photo.get_pixel_mut(3, 3).0[1] ^= 1;
     photo.save(work.path("data/images/d.png")).unwrap();
     work.refused(&train(400, ""), &[CHECKPOINT, "`photos.d.png.pixels_crc32`"]);
-    // Nobody's.
+    // A file that glint did not write.
     glint::data::write_tensors(work.path(CHECKPOINT), &[("a", &[1], &[1.0f32][..])]).unwrap();
     work.refused(&train(400, ""), &[CHECKPOINT, "--restart"]);
 
-    // What was begun stays, whoever begins anew.
+    // --restart keeps an existing checkpoint under another name, whichever run wrote it.
     let somebodys = fs::read(work.path(CHECKPOINT)).unwrap();
     let old = format!("{CHECKPOINT}.old");
     let said = work.said(&train(32, "--restart"));
@@ -308,7 +309,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
 fn the_same_command_resumes_and_begins_anew_where_it_is_told_to() {
     let work = Work::new();
     work.ok(&format!("{TRAIN} -o whole.ply"));
-    // An output stands beside its checkpoint, as Ctrl-C leaves it.
+    // An output next to its checkpoint, as after Ctrl-C.
     let ended = || {
         work.killed(&format!("{TRAIN} -o out.ply --force"), CHECKPOINT);
         fs::write(work.path("out.ply"), "what was learned until then").unwrap();
@@ -318,7 +319,7 @@ fn the_same_command_resumes_and_begins_anew_where_it_is_told_to() {
     let said = work.said(&format!("{TRAIN} -o out.ply"));
     assert!(said.contains("resuming after step") && said.contains("--restart"), "{said}");
     assert!(whole() && !work.path(CHECKPOINT).exists());
-    // What is whole is another thing, and there is nothing to begin anew.
+    // A finished output is different: there is nothing to restart.
     for options in ["", "--restart"] {
         work.refused(&format!("{TRAIN} -o out.ply {options}"), &["out.ply", "is there already; --force replaces it"]);
     }
@@ -336,7 +337,7 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     let whole = || fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap();
     assert_eq!(files(work.0.path()), ["base.ply", "data", "whole.ply"]);
 
-    // Once the photos' Gaussians are lifted, and then in the joint phase.
+    // First after lifting the photos' Gaussians, then in the joint phase.
     work.killed(&format!("{ENHANCE} -o out.ply"), CHECKPOINT);
     let lifted = fs::read(work.path(CHECKPOINT)).unwrap();
     let mut command = work.command(&format!("{ENHANCE} -o out.ply --checkpoint-every 0"));
@@ -355,7 +356,7 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
         assert!(report["photos_resumed"] == 7 && whole(), "{report}");
         assert_eq!(files(work.0.path()), ["base.ply", "data", "out.ply", "whole.ply"]);
     }
-    // What the joint phase had learned is what it goes on from.
+    // The joint phase resumes from its learned parameters.
     fs::write(work.path(CHECKPOINT), &kept).unwrap();
     let (mut tensors, text) = glint::data::read_tensors_about(work.path(CHECKPOINT)).unwrap();
     let mut about: Value = serde_json::from_str(&text.unwrap()).unwrap();
@@ -370,12 +371,12 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     fs::write(work.path(CHECKPOINT), &kept[..kept.len() - 1]).unwrap();
     let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
     assert!(said.contains("all steps are done again") && whole(), "{said}");
-    // A run by time reads no checkpoint, so what stands beside it is not its own.
+    // A run with a time limit reads no checkpoint of another kind, so one next to it is not its own.
     fs::write(work.path(CHECKPOINT), &kept).unwrap();
     let by_time = "enhance data --base base.ply -o out.ply --time 9s";
     work.refused(by_time, &["out.ply", "is there already"]);
 
-    // Every option is in the settings unless it says that it is not, and is called by its name.
+    // Every option is in the settings, by its name, unless it is exempt.
     fs::write(work.path(CHECKPOINT), &kept).unwrap();
     for (option, key) in [
         ("--seed 5", "`options.seed` was 0 and is 5"),
@@ -393,7 +394,7 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     work.refused(&format!("{ENHANCE} -o out.ply"), &[CHECKPOINT, "`base."]);
 }
 
-/// It ended with nothing.
+/// A regression test: nothing was left.
 #[cfg(unix)]
 #[test]
 fn a_joint_stage_that_is_interrupted_is_kept() {
@@ -425,7 +426,8 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
     assert!(!work.path(CHECKPOINT).exists());
 }
 
-/// The terminal was closed. Under nohup that is nothing to it, and only a second signal, of another kind, ends it.
+/// Closing the terminal interrupts the run. Under nohup it is ignored, and only a second signal, of another
+/// kind, ends the run.
 #[cfg(target_os = "linux")]
 #[test]
 fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
@@ -446,7 +448,7 @@ fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
                 thread::sleep(Duration::from_millis(2));
             }
             assert!(Command::new("kill").args([*signal, &child.id().to_string()]).status().unwrap().success());
-            // Of the second: some steps after the first.
+            // For the second time: some steps after the first.
             until = step().unwrap() + 20;
         }
         let output = run::finish(child);
@@ -464,7 +466,7 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     let work = Work::new();
     work.ok(&format!("{TRAIN} -o whole.ply"));
     let mut command = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
-    // Photos and the scene take fewer submissions, the whole run more.
+    // Photos and the scene need fewer submissions than this, the whole run more.
     command.env("GLINT_LOST_AFTER", "80");
     let output = run::run(&mut command);
     let said = String::from_utf8(output.stderr).unwrap();
@@ -476,7 +478,7 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     assert!(report["iterations_resumed"].as_u64().unwrap() > 0, "{report}");
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
 
-    // Every other command ends as well, and leaves nothing.
+    // Every other command ends too, and leaves nothing.
     for arguments in [
         "enhance data --base whole.ply --method augs --preset quick -o x.ply",
         "render whole.ply data -o views",
@@ -492,7 +494,8 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     }
 }
 
-/// Whatever buffer does not fit, a command ends with an error that tells of memory, or finds a way with less; what it leaves is whole.
+/// Whichever buffer does not fit, a command ends with an error about memory, or succeeds with less memory;
+/// its outputs are whole.
 #[test]
 fn memory_that_runs_out_anywhere_is_an_error() {
     let work = Work::new();
@@ -500,7 +503,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
     let before = work.listing();
     let clean = || {
         for (path, _) in work.listing().into_iter().filter(|(path, _)| !before.contains_key(path)) {
-            // What lay within is gone with the folder.
+            // Its contents are deleted with the folder.
             let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
         }
     };
@@ -516,12 +519,12 @@ fn memory_that_runs_out_anywhere_is_an_error() {
         let fits = |budget: u64| {
             clean();
             let mut command = work.command(arguments);
-            // The layers look at the same commands elsewhere.
+            // Other tests run the same commands with validation layers.
             command.env("GLINT_MEMORY_BUDGET", budget.to_string()).env_remove("GLINT_VALIDATION");
             let output = run::run(&mut command);
             let (left, told) = (work.listing(), format!("glint {arguments} in {budget} bytes"));
             if output.status.success() {
-                // Augmentation may choose otherwise where there is room for fewer candidates at once.
+                // With room for fewer candidates at a time, an augmentation may choose differently.
                 assert!(arguments.starts_with("enhance") || left == whole, "{told}");
                 return true;
             }
@@ -533,7 +536,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
             assert!(!work.path("made.ply").exists(), "{told}");
             false
         };
-        // The least that is enough, from both sides, so that what fails is allocated ever later.
+        // Bisects for the smallest sufficient budget, so that later and later allocations fail.
         let (mut few, mut enough) = (0, 1 << 25);
         assert!(fits(enough), "glint {arguments}");
         while few == 0 || enough - few > enough / 8 {
@@ -544,18 +547,18 @@ fn memory_that_runs_out_anywhere_is_an_error() {
     }
 }
 
-/// A limit on the size of files stands for a disk that is full: writing fails in the middle either way.
+/// A limit on file sizes simulates a full disk: either way, writing fails in the middle.
 #[cfg(unix)]
 #[test]
 fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     let work = Work::new();
     work.ok(&format!("{TRAIN} -o whole.ply"));
-    // A run that found room for a checkpoint.
+    // A run that had room for a checkpoint.
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     let kept = fs::read(work.path(CHECKPOINT)).unwrap();
     let full = |arguments: &str| work.run_with_files_below(16, arguments);
     if full("eval whole.ply data").status.code().is_none() {
-        // lavapipe of Mesa 25 keeps a device's memory in a file without a name, to which the limit applies as well.
+        // lavapipe of Mesa 25 keeps device memory in an unnamed file, to which the limit applies too.
         return eprintln!("skipped: this driver dies where files may not grow");
     }
     let output = full(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
@@ -568,20 +571,20 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     work.ok(&format!("{TRAIN} -o out.ply"));
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
 
-    // The same of what other commands write.
+    // The outputs of other commands.
     work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
     let output = full("enhance data --base base.ply --method augs --preset quick -o x.ply");
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("error: ") && !said.contains("panicked") && !work.path("x.ply").exists(), "{said}");
 
-    // A scene of 20 Gaussians is smaller than a picture, which does not end a run.
+    // A scene of 20 Gaussians is smaller than a picture; a picture that does not fit must not end the run.
     let train = "train data -o small.ply --points 20 --sh-degree 0 --strategy fixed --iterations 40 --eval-every 10";
     let output = work.run_with_files_below(6, train);
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(said.matches("cannot be kept").count() == 1 && said.contains("step-000010.png"), "{said}");
-    // The lines had room.
+    // The history lines fitted.
     assert_eq!(fs::read_to_string(work.path("small.history.jsonl")).unwrap().lines().count(), 4);
     assert!(work.path("small.ply").exists() && files(&work.path("small.history")).is_empty());
 }

@@ -1,5 +1,5 @@
-//! The command line as its users meet it, on a tiny dataset. Validation layers are on where `GLINT_VALIDATION` is set, and make
-//! a command fail when they find anything.
+//! Tests the command line on a tiny dataset. Validation layers are on if `GLINT_VALIDATION` is set; a command
+//! then fails on any message.
 
 mod convert;
 mod datasets;
@@ -40,10 +40,10 @@ use glint::{
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Nine photos, of which the first and the last are for testing: one sits in a folder, two differ in the extension only.
+/// Nine photos, the first and the last for testing: one is in a folder, two differ only in their extension.
 const NAMES: [&str; 9] = ["a.png", "b/c.png", "d.png", "e.png", "f.png", "g.PNG", "g.png", "h.png", "i.png"];
 
-/// A folder with a dataset `data` and whatever the test makes.
+/// A folder with a dataset `data` and the test's files.
 struct Work(TempDir);
 
 impl Work {
@@ -66,7 +66,7 @@ impl Work {
         fs::write(data.join("sparse/0/images.txt"), images).unwrap();
         let points = random_scene(3, 300, 0, 0).base.means;
         let line = |(i, p): (usize, &[f32; 3])| {
-            // Any spread of points over what the cameras see will do.
+            // Any points spread over the cameras' view.
             let [x, y, z] = p.map(|v| f64::from(v).sin());
             format!("{} {x} {y} {z} 120 130 140 0.5\n", i + 1)
         };
@@ -91,7 +91,7 @@ impl Work {
         run::run(&mut self.command(arguments))
     }
 
-    /// Runs glint, which must succeed; its standard output.
+    /// Runs glint, which must succeed; returns its standard output.
     fn ok(&self, arguments: &str) -> String {
         let output = self.run(arguments);
         assert!(output.status.success(), "glint {arguments}: {}", String::from_utf8_lossy(&output.stderr));
@@ -102,13 +102,14 @@ impl Work {
         serde_json::from_str(&self.ok(arguments)).unwrap()
     }
 
-    /// Runs glint, which must refuse its input with one line that says all of `words`, and leave everything as it was.
+    /// Runs glint, which must refuse its input with one line that contains all of `words`, and change no
+    /// files.
     #[track_caller]
     fn refused(&self, arguments: &str, words: &[&str]) {
         self.fails(self.command(arguments), 2, words);
     }
 
-    /// The same of a command that is ready to run, and for any exit code.
+    /// [`Work::refused`] for a prepared command, and for any exit code.
     #[track_caller]
     fn fails(&self, mut command: Command, code: i32, words: &[&str]) {
         let before = self.listing();
@@ -123,7 +124,7 @@ impl Work {
         assert_eq!(self.listing(), before, "glint {arguments} left or changed something");
     }
 
-    /// Every file and folder, and the bytes of the files.
+    /// Every file and folder, with the contents of the files.
     fn listing(&self) -> BTreeMap<PathBuf, Option<Vec<u8>>> {
         let mut found = BTreeMap::new();
         let mut folders = vec![self.0.path().to_owned()];
@@ -141,7 +142,8 @@ impl Work {
     }
 }
 
-/// On a circle of radius 5 around the origin at a turn in radians, looking at it. The built-in scene has z up.
+/// A camera on a circle of radius 5 around the origin, at an angle in radians, looking at it. The built-in
+/// scene has z up.
 fn camera(turn: f64) -> Camera {
     let eye = DVec3::new(5.0 * turn.sin(), -5.0 * turn.cos(), 1.5);
     let forward = -eye.normalize();
@@ -167,7 +169,7 @@ fn exr(path: &Path) -> (usize, usize, Vec<(String, Vec<f32>)>) {
     (size.0, size.1, planes)
 }
 
-/// A network of VGG's form with two channels everywhere.
+/// A network with VGG's structure and two channels everywhere.
 fn write_vgg(path: &Path) {
     let layers = [
         [1, 0],
@@ -231,7 +233,7 @@ fn a_scene_is_trained_measured_rendered_and_described() {
     let base = read_scene(work.path("base.ply")).unwrap();
     assert_eq!((base.base.len(), base.base.sh_degree, base.supplement.is_some()), (300, 1, false));
 
-    // The same seed gives the same scene, promised or not; fewer points a smaller one.
+    // The same seed gives the same scene, with or without --deterministic; fewer points give a smaller one.
     work.ok("train data -o again.ply --iterations 30 --gaussians 300 --sh-degree 1 --seed 5 --deterministic");
     assert!(fs::read(work.path("base.ply")).unwrap() == fs::read(work.path("again.ply")).unwrap());
     let few = work.json("train data -o few.ply --iterations 2 --points 40 --gaussians 40 --json");
@@ -264,7 +266,7 @@ fn a_scene_is_trained_measured_rendered_and_described() {
 #[test]
 fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
     let work = Work::new();
-    // Gaussians of the right size before the cameras: those of the sample are made for another camera.
+    // Gaussians of suitable size in front of the cameras: the sample's are made for another camera.
     let mut scene = random_scene(8, 400, 200, 2);
     let supplement = scene.supplement.as_mut().unwrap();
     for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
@@ -281,7 +283,7 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
     }
     assert_eq!(keys(&found["views"][3]), set(["name", "base", "augmented"]));
     assert_ne!(found["base"], found["augmented"]);
-    // The base alone is what its own file is.
+    // The base alone equals its own file.
     assert_eq!(work.json("eval base.ply data --split all --json")["augmented"], found["base"]);
     let table = work.ok("eval scene.ply data");
     assert!(table.contains("base PSNR [dB]") && table.lines().last().unwrap().starts_with("mean"), "{table}");
@@ -293,7 +295,7 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
     let [base, augmented] = ["base", "augmented"].map(|part| seen["lpips"][part].as_f64().unwrap());
     assert!(base > 0.0 && augmented > 0.0 && base != augmented);
     let [first, second] = [0, 1].map(|i| seen["lpips"]["views"][i]["augmented"].as_f64().unwrap());
-    // JSON is read to a unit in the last place.
+    // JSON parsing is exact to a unit in the last place.
     assert!((augmented - (first + second) / 2.0).abs() < 1e-12);
     assert_eq!(work.json("eval base.ply data --lpips vgg.safetensors --json")["lpips"]["augmented"], base);
     let table = work.ok("eval base.ply data --lpips vgg.safetensors");
@@ -321,7 +323,8 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
 
     let red = |what: &str| &images[what].0.last().unwrap().1;
     for (i, &whole) in red("color").iter().enumerate() {
-        // The parts add up in linear light, and a PNG holds the sRGB values of either; 0.5/255 is its rounding.
+        // The parts add up in linear light, and a PNG holds the sRGB values of either; 0.5/255 is its
+        // rounding.
         let sum = red("diffuse")[i] + red("specular")[i];
         assert!((sum - linear_from_srgb(whole)).abs() <= 1e-6 * whole.max(1.0));
         for (what, value) in [("color", whole), ("diffuse", srgb_from_linear(red("diffuse")[i]))] {
@@ -330,12 +333,13 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
         }
         let (depth, light) = (images["depth"].0[0].1[i], images["transmittance"].0[0].1[i]);
         assert!((0.0..=1.0).contains(&light) && (depth == 0.0 || depth > 0.2));
-        // Half of the light is stopped exactly where there is a depth; at the threshold itself float32 may decide either way.
+        // A depth exists exactly if half of the light is stopped; at the threshold itself float32 may decide
+        // either way.
         assert!((light - 0.5).abs() < 1e-5 || (depth > 0.0) == (light < 0.5), "{depth} {light}");
     }
     assert_ne!(red("color"), red("base"));
 
-    // The base of a scene without supplement is all of it, and what is behind it shows through.
+    // Without a supplement the base is the whole scene; the background shows through.
     let plain = work.run("render base.ply data -o plain --what base");
     assert!(plain.status.success() && String::from_utf8_lossy(&plain.stderr).contains("no supplement"));
     assert_eq!(fs::read(work.path("plain/i.png")).unwrap(), fs::read(work.path("out/base/i.png")).unwrap());
@@ -382,7 +386,7 @@ fn bad_input_is_refused_in_one_line_and_leaves_nothing() {
     work.refused("train data -o out.ply --device nonesuch", &["--device", "nonesuch"]);
     work.refused("train data -o out.ply --device 99", &["--device", "99"]);
 
-    // A dataset of one photo, which is for testing: every 8th is, from the first.
+    // A dataset of a single photo, which is for testing: every 8th is, from the first.
     let only_test = work.path("only_test");
     fs::create_dir(&only_test).unwrap();
     fs::copy(work.path("data/images/a.png"), only_test.join("r_0.png")).unwrap();
@@ -437,7 +441,7 @@ fn a_twin_stands_in_for_a_stage_on_the_command_line() {
     }
     let [device, twins] = ["device", "twins"].map(|folder| exr(&work.path(&format!("{folder}/i.exr"))).2);
     let pairs = || device.iter().zip(&twins).flat_map(|(a, b)| a.1.iter().zip(&b.1));
-    // Not the same bits, or no twin was there; but the same picture, but for a pixel at a threshold.
+    // Different bits prove that a twin ran; but the picture is the same, except for pixels at a threshold.
     assert!(pairs().any(|(a, b)| a != b));
     assert!(pairs().filter(|(a, b)| (*a - *b).abs() > 1e-4).count() <= 3);
 
@@ -480,12 +484,12 @@ fn an_augmentation_by_augs_adds_lobes_and_learns_opacities() {
     let scene = read_scene(work.path("first.ply")).unwrap();
     assert_eq!(scene.supplement.as_ref().unwrap().gaussians.len() as u64, added);
     assert_eq!(scene.base.len(), 300);
-    // The file's first element is the base as any viewer reads it, with opacities that the joint phase moved.
+    // The file's first element is the base for any viewer, with opacities from the joint phase.
     let base = read_scene(work.path("base.ply")).unwrap().base;
     assert_eq!((&base.means, &base.sh), (&scene.base.means, &scene.base.sh));
     assert_ne!(base.opacities, scene.base.opacities);
 
-    // A loss that is NaN gets nothing, and that is said.
+    // A view with a NaN loss gets nothing, and a note reports it.
     let mut bright = read_scene(work.path("base.ply")).unwrap();
     bright.base.sh.iter_mut().for_each(|rgb| rgb[0] = 1e30);
     write_scene(work.path("bright.ply"), &bright).unwrap();

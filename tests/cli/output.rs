@@ -1,4 +1,4 @@
-//! What is written, and what is never written over.
+//! Tests outputs, and files that must never be overwritten.
 
 use std::{
     fs,
@@ -14,7 +14,7 @@ use glint::{
 
 use super::{Work, files, run};
 
-/// Renders over a dataset's photographs once made `eval` say 58.96 dB.
+/// A regression test: renders over a dataset's photographs made `eval` report 58.96 dB.
 #[test]
 fn what_a_command_reads_is_never_written_over() {
     let work = Work::new();
@@ -32,7 +32,7 @@ fn what_a_command_reads_is_never_written_over() {
         work.refused(&format!("train data -o data/images/a.png{force}"), &["a.png", "a PLY scene", "a.ply"]);
     }
     work.refused("render base.ply data -o data/images --force", &["a.png", "command reads"]);
-    // A cloud of points that a dataset names is read as well.
+    // A point cloud named by a dataset is an input too.
     let frame = r#"{"file_path": "a.png", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}"#;
     let json = format!(
         r#"{{"fl_x": 40, "ply_file_path": "points.ply", "frames": [{frame}, {}]}}"#,
@@ -61,7 +61,7 @@ fn files_that_are_there_are_replaced_only_with_force() {
     work.ok("render base.ply data -o views --force");
     assert!(fs::read(work.path("out.ply")).unwrap().starts_with(b"ply"));
     assert!(fs::read(work.path("views/i.png")).unwrap().starts_with(b"\x89PNG"));
-    // Other files of the folder are nobody's business.
+    // Other files in the folder are not touched.
     fs::write(work.path("views/notes.txt"), "mine").unwrap();
     work.ok("render base.ply data -o views --force");
     assert_eq!(fs::read(work.path("views/notes.txt")).unwrap(), b"mine");
@@ -87,14 +87,15 @@ fn what_cannot_be_written_is_bad_input_wherever_it_is_named() {
     work.refused("render base.ply data -o file", &["file", "expected a folder"]);
 }
 
-/// Photos of headers alone, so many pixels that a Gaussian for each 256 would fill the disk, and far more than find room in memory: that
-/// is what there is to say, and not what room a file of Gaussians would need that there never are.
+/// Photos that consist of headers only, with so many pixels that a Gaussian for each 256 would fill the disk,
+/// and far more than fit in memory. The error must be about memory, not about disk space for Gaussians that
+/// never exist.
 #[test]
 fn a_disk_is_asked_for_no_more_gaussians_than_memory_has_room_for() {
     let work = Work::new();
     const SIDE: u32 = (1 << 14) - 1;
     let free = fs4::available_space(work.path(".")).unwrap() as f64;
-    // There are never more than 32 bits count, and a file of so many would find room.
+    // The number of Gaussians is limited to 32 bits, and a file of that size would fit.
     if 1.5 * free > 248.0 * f64::from(u32::MAX) {
         eprintln!("skipped: {free} bytes are free, more than any run could fill");
         return;
@@ -102,7 +103,7 @@ fn a_disk_is_asked_for_no_more_gaussians_than_memory_has_room_for() {
     let photos = (1.5 * free / 248.0 * 256.0 / f64::from(SIDE).powi(2)) as usize + 8;
     image::RgbImage::new(2, 2).save(work.path("huge.webp")).unwrap();
     let mut huge = fs::read(work.path("huge.webp")).unwrap();
-    // Behind the signature 14 bits of the width less one, 14 of the height, alpha and version.
+    // After the signature: 14 bits of width minus one, 14 of height, alpha and version.
     assert_eq!((&huge[12..16], huge[20]), (&b"VP8L"[..], 0x2f));
     huge[21..25].copy_from_slice(&((SIDE - 1) | ((SIDE - 1) << 14)).to_le_bytes());
     let mut poses = String::new();
@@ -126,7 +127,7 @@ fn a_device_that_is_not_there_is_named_by_who_asked_for_it() {
     let mut command = work.command("eval base.ply data --device nowhere");
     command.env("GLINT_DEVICE", "nonesuch");
     work.fails(command, 2, &["--device", "nowhere"]);
-    // No driver at all.
+    // Without any driver.
     let mut command = work.command("eval base.ply data");
     command.env_remove("GLINT_DEVICE").env("VK_DRIVER_FILES", "/nowhere").env("VK_ICD_FILENAMES", "/nowhere");
     work.fails(command, 1, &["mesa-vulkan-drivers"]);
@@ -135,7 +136,7 @@ fn a_device_that_is_not_there_is_named_by_who_asked_for_it() {
     work.fails(command, 1, &["mesa-vulkan-drivers"]);
 }
 
-/// It was all gone, and a test demanded that.
+/// A regression test: everything was lost, and a test required that.
 #[cfg(unix)]
 #[test]
 fn what_was_learned_until_ctrl_c_is_kept() {
@@ -156,7 +157,7 @@ fn what_was_learned_until_ctrl_c_is_kept() {
     }
 }
 
-/// Killed, not interrupted: a signal that the test's own parent ignores would be ignored here too.
+/// Killed, not interrupted: a signal ignored by the test's parent would be ignored here too.
 #[test]
 fn a_killed_run_leaves_nothing_that_could_be_taken_for_whole() {
     let work = Work::new();
@@ -166,11 +167,11 @@ fn a_killed_run_leaves_nothing_that_could_be_taken_for_whole() {
     let opened = BufReader::new(child.stderr.take().unwrap()).lines().any(|l| l.unwrap().contains("device opened"));
     child.kill().unwrap();
     assert!(!run::finish(child).status.success() && opened);
-    // The file that it had locked is locked no more: it stops no other run, and the next one takes it away.
+    // Its lock is released: it blocks no other run, and the next one removes it.
     let lock = files(work.0.path()).into_iter().filter(|name| !before.contains(name));
     assert_eq!(lock.collect::<Vec<_>>(), [".glint-out.ply.lock"]);
 
-    // What it was writing when it was killed is swept by the next run.
+    // A file that was being written at the kill is swept by the next run.
     let left = fs::File::create(work.path(".glint-left")).unwrap();
     left.set_modified(SystemTime::now() - Duration::from_secs(3600)).unwrap();
     drop(left);

@@ -1,4 +1,4 @@
-//! Scenes as other tools leave them.
+//! Tests scenes from other tools.
 
 use std::fs;
 
@@ -6,13 +6,13 @@ use glint::{data::write_scene, reference::sample::random_scene, scene::Scene};
 
 use super::Work;
 
-/// A scene of which the Gaussians in `rows` have an opacity that is no number.
+/// A scene in which the Gaussians in `rows` have a NaN opacity.
 fn broken(work: &Work, name: &str, scene: &Scene, rows: &[usize]) {
     write_scene(work.path(name), scene).unwrap();
     let mut bytes = fs::read(work.path(name)).unwrap();
     let body = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     for row in rows {
-        // Of SH degree 0: position, normal and colour come first.
+        // SH degree 0: position, normal and colour come first.
         let at = body + 4 * (17 * row + 9);
         bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     }
@@ -38,7 +38,7 @@ fn unsound_gaussians_are_refused_by_name_or_dropped_when_asked() {
     let report =
         work.json("enhance data --base broken.ply -o x.ply --lenient --method augs --preset quick --ratio 0.05 --json");
     assert_eq!(report["base_gaussians"], 58);
-    // What is dropped is all that differs.
+    // The dropped rows are the only difference.
     let mut sound = scene.clone();
     for row in [31, 7] {
         sound.base.means.remove(row);
@@ -51,7 +51,7 @@ fn unsound_gaussians_are_refused_by_name_or_dropped_when_asked() {
     work.ok("render broken.ply data -o broken --lenient");
     work.ok("render sound.ply data -o sound");
     assert_eq!(fs::read(work.path("broken/a.png")).unwrap(), fs::read(work.path("sound/a.png")).unwrap());
-    // Leniency is for numbers, not for other files.
+    // --lenient is for invalid numbers, not for other files.
     fs::write(work.path("text.ply"), "solid cube").unwrap();
     work.refused("info text.ply --lenient", &["text.ply"]);
 }
@@ -78,7 +78,8 @@ fn a_plan_says_what_is_stored_and_what_is_left_out() {
     assert_eq!((&whole["plain_bytes"], &whole["lobed_bytes"]), (&240.into(), &272.into()));
     assert_eq!((&half["plain_bytes"], &half["lobed_bytes"]), (&128.into(), &160.into()));
     let saved = whole["bytes"].as_i64().unwrap() - half["bytes"].as_i64().unwrap();
-    // Of the model 112, of splats 8; of splats that there are none of there is one, of 36 bytes or 28.
+    // 112 per Gaussian of the model, 8 per splat; an empty splat buffer still has one element, of 36 bytes or
+    // 28.
     assert_eq!(saved, 120 * 560 - 8);
     let feature = |plan: &serde_json::Value, name: &str| {
         plan["features"].as_array().unwrap().iter().find(|f| f["name"] == name).unwrap().clone()

@@ -1,4 +1,4 @@
-//! What a scene was trained with is said once, to `train`.
+//! Training settings need to be given only once, to `train`.
 
 use super::*;
 
@@ -24,7 +24,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
     for scene in ["base.ply", "more.ply"] {
         let found = psnr(&work, &format!("{scene} data"));
         assert_eq!(found, psnr(&work, &format!("{scene} data {SAID}")));
-        // Each of them counts, and is told where it is another.
+        // Each setting has an effect, and a differing one is reported.
         for (option, was) in [
             ("--background black", "--background 0.2,0.9,0.6, and here it is 0,0,0"),
             ("--compensate=false", "--compensate true, and here it is false"),
@@ -37,7 +37,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
         }
         assert_eq!(said(&work, &format!("eval {scene} data {SAID}")), said(&work, &format!("eval {scene} data")));
     }
-    // Pictures, pages and training that begins with the scene, too.
+    // Renders, reports and training from the scene use them too.
     work.ok("render more.ply data -o told");
     work.ok(&format!("render more.ply data -o given {SAID}"));
     for view in ["a.png", "i.png"] {
@@ -54,11 +54,11 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
     let n = SAID.len();
     assert!(same("page0.html", &format!("page{n}.html")) && same("on0.ply", &format!("on{n}.ply")));
 
-    // Formats keep it, or say what is to be said again.
+    // Formats keep the settings, or a note names the options to give again.
     let whole = psnr(&work, "more.ply data");
     for ending in ["ply", "glb"] {
         work.ok(&format!("convert more.ply copy.{ending} --force"));
-        // glTF has opacities and scales as they are, not their logits and logarithms: 3e-10 dB here.
+        // glTF stores opacities and scales, not their logits and logarithms: 3e-10 dB here.
         let off = (psnr(&work, &format!("copy.{ending} data")) - whole).abs();
         assert!(off <= if ending == "glb" { 1e-5 } else { 0.0 }, "{ending}: {off}");
     }
@@ -74,7 +74,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
         let found = psnr(&work, &format!("copy.{ending} data {again}"));
         assert_eq!(found, psnr(&work, &format!("copy.{ending} data {SAID}")), "{ending}");
         assert_ne!(found, psnr(&work, &format!("copy.{ending} data --background black")), "{ending}");
-        // What bytes cost, 0.02 dB; .splat has the constant colours alone.
+        // The loss from quantisation is 0.02 dB; .splat only has constant colours.
         assert!((found - base).abs() < if ending == "splat" { 1.0 } else { 0.1 }, "{ending}: {found} and {base}");
     }
 }
@@ -89,18 +89,18 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
     let line = text.lines().find(|line| line.starts_with("enhancing on ")).unwrap();
     assert!(line.contains("): 7 photos of 32 × 24, 60 Gaussians, "), "{text}");
     assert!(said(&work, "train data -o x.ply --iterations 2 -q").is_empty());
-    // What was gained stands beside what as many more steps gain.
+    // The gain is reported next to the gain of the same number of additional steps.
     let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --json --force");
     let longer = &report["gain"]["longer_training"];
     assert!(longer["measured"] == true && longer["psnr"].as_f64().is_some_and(f64::is_finite), "{report}");
     let text = work.ok("enhance data --base base.ply -o x.ply --ratio 0.2 --force");
     assert!(text.contains("longer training in its place, as many steps: ") && text.contains("dB (measured)"), "{text}");
-    // A run by time has none left for that.
+    // A run with a time limit has no time left for that measurement.
     let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --time 9s --json --force");
     assert_eq!(report["gain"]["longer_training"]["measured"], false, "{report}");
 }
 
-/// 12 dB are an error of a quarter of the range.
+/// 12 dB is an error of a quarter of the range.
 #[test]
 fn a_scene_of_another_dataset_is_told() {
     let work = Work::new();

@@ -1,4 +1,4 @@
-//! What is said while a command runs and when it ends.
+//! Tests messages during and at the end of a command.
 
 use std::fs;
 
@@ -13,7 +13,7 @@ fn stderr(work: &Work, arguments: &str) -> String {
     text
 }
 
-/// `train -v` once said nothing.
+/// A regression test: `train -v` printed nothing.
 #[test]
 fn verbose_tells_of_cameras_memory_losses_and_times() {
     let work = Work::new();
@@ -40,11 +40,11 @@ fn verbose_tells_of_cameras_memory_losses_and_times() {
         assert!(said.contains(part), "`{part}` is not in: {said}");
     }
     let said = stderr(&work, "train data -o z.ply --iterations 3");
-    // A slow machine tells how far it is, too.
+    // A slow machine also prints progress.
     assert!(said.contains("training on ") && said.lines().all(|line| line.starts_with("training")), "{said}");
 }
 
-/// `script` makes a terminal for a command and prints what would be seen there.
+/// `script` provides a terminal for a command and prints its output.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_terminal_has_one_bar_for_each_stage() {
@@ -56,10 +56,10 @@ fn a_terminal_has_one_bar_for_each_stage() {
         let output = super::run::run(command);
         let seen = String::from_utf8(output.stdout).unwrap();
         assert!(output.status.success(), "glint {arguments}: {seen}");
-        // Bars are what has pieces of one; each is drawn anew again and again.
+        // Bars are the lines with bar characters; each is redrawn many times.
         let mut names: Vec<String> = Vec::new();
         for line in seen.split(['\r', '\n', '\x1b']).filter(|line| line.contains(['━', '─', '░', '█'])) {
-            // Behind a sequence of the terminal's, which ends with its first letter.
+            // After a terminal sequence, which ends with its first letter.
             let text = match line.strip_prefix('[') {
                 Some(rest) => rest.split_once(|c: char| c.is_ascii_alphabetic()).map_or("", |(_, text)| text),
                 None => line,
@@ -71,7 +71,7 @@ fn a_terminal_has_one_bar_for_each_stage() {
         }
         names
     };
-    // What is over at once may not be drawn at all, but nothing is drawn out of its turn.
+    // Short stages may not be drawn at all, but the order of stages is fixed.
     let in_turn = |arguments: &str, stages: &[&str]| {
         let (seen, mut left) = (bars(arguments), stages.iter());
         assert!(seen.iter().all(|name| left.any(|stage| stage == name)), "glint {arguments}: {seen:?}");
@@ -93,11 +93,12 @@ fn quiet_says_nothing_but_errors() {
     command.env_remove("RUST_LOG");
     work.fails(command, 2, &["nowhere"]);
     assert_eq!(work.run("train data -o z.ply -q -v").status.code(), Some(2));
-    // Results are no talk.
+    // --quiet does not suppress results.
     assert!(work.ok("info data -q").contains("photos"));
 }
 
-/// Found by damaging files at random: the scene was written, and then it was said that the command had failed.
+/// A regression test, found by damaging files at random: the scene was written, but the command was reported
+/// as failed.
 #[test]
 fn a_damaged_test_photo_costs_the_gain_and_nothing_else() {
     let work = Work::new();
@@ -122,9 +123,9 @@ fn an_augmentation_ends_with_what_it_gained() {
     let gain = &report["gain"];
     assert_eq!(keys(gain), set(["views", "before", "after", "base_alone", "longer_training"]));
     assert_eq!(gain["views"], 2);
-    // As `eval` has it.
+    // Same numbers as `eval`.
     let (before, after) = (work.json("eval base.ply data --json"), work.json("eval a.ply data --json"));
-    // Where the base that learned is worse alone, other viewers are shown the one that was given.
+    // If the trained base is worse alone, the original is shown to other viewers.
     let is_kept = String::from_utf8_lossy(&fs::read(work.path("a.ply")).unwrap()).contains("element learned");
     let shown = if is_kept { &before["augmented"] } else { &after["base"] };
     assert_eq!(
@@ -135,16 +136,17 @@ fn an_augmentation_ends_with_what_it_gained() {
     let number = |v: &Value| format!("{:.2}", v["psnr"].as_f64().unwrap());
     let line = format!("2 test views: PSNR {} to {} dB", number(&gain["before"]), number(&gain["after"]));
     assert!(said.contains(&line) && said.contains("the base part alone"), "{line} is not in: {said}");
-    // Ten times as many as were asked for came without a word.
+    // A regression test: ten times the requested number was added silently.
     let rounded = "each view's share is rounded up: --ratio 0.001 of 300 Gaussians is 1, and 7 were allowed";
     assert!(stderr(&work, &format!("{enhance}0 -o d.ply").replace("0.20", "0.001")).contains(rounded));
     assert!(!stderr(&work, &format!("{enhance} -o e.ply")).contains("rounded up"));
-    // Without test views there is nothing to judge by.
+    // Without test views there is no evaluation.
     let report = work.json(&format!("{enhance} -o c.ply --json --holdout none"));
     assert!(report["gain"].is_null());
 }
 
-/// The plan is printed before it is done, in JSON and on the page too, and what is done keeps within every budget.
+/// The plan is printed before it is executed, also in JSON and in the report; the result stays within every
+/// budget.
 #[test]
 fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let work = Work::new();
@@ -166,7 +168,7 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     work.ok("report data base=base.ply more=a.ply -o page --run base.json --run plan.json");
     let page = fs::read_to_string(work.path("page/index.html")).unwrap();
     assert!(page.contains("<h2>Plan of more</h2>") && page.contains("Gaussians with lobes"));
-    // What both took; the joint phase is some of a run's seconds.
+    // The time of both; the joint phase is a part of a run's time.
     for part in [
         "<th>base</th><th>more</th>",
         "<td>training [s]",
@@ -178,17 +180,17 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     }
     assert!(report["device_megabytes"].as_f64().unwrap() > 0.0 && !report["stages"].as_array().unwrap().is_empty());
     work.refused("report data a=a.ply -o x --run base.ply", &["base.ply"]);
-    // Half of 120 bytes holds none, all of them one; of fewer it is said why there is none.
+    // Half of 120 bytes fits no Gaussian, 120 fit one; with fewer, a note gives the reason.
     let report = work.json("enhance data --base base.ply -o one.ply --bytes 120 --json");
     assert_eq!(report["supplementary_gaussians"].as_u64().unwrap() + report["plain_gaussians"].as_u64().unwrap(), 1);
     assert!(stderr(&work, "enhance data --base base.ply -o none.ply --bytes 10").contains("less than one Gaussian"));
-    // Until what training on gains, as long as there is time.
+    // Adds Gaussians that gain more than longer training, within the time limit.
     let started = std::time::Instant::now();
     let said = work.ok("enhance data --base base.ply -o b.ply --time 2s");
     for part in ["plan: at most 75 Gaussians", "training on, ", "that gain less than training on as long would"] {
         assert!(said.contains(part), "`{part}` is not in: {said}");
     }
-    // Most of it is spent, and on a machine that has much else to do a little more.
+    // Most of the time is used; on a busy machine a little more.
     let seconds = started.elapsed().as_secs_f64();
     assert!((1.5..30.0).contains(&seconds), "{seconds} s: {said}");
     for bad in ["--bytes -1", "--bytes 2XB", "--time 0s"] {
@@ -200,7 +202,8 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     }
 }
 
-/// Test photos that are the base's own renders: whatever is learned makes them worse. With no budget given the base stays as it was.
+/// The test photos are the base's own renders, so any learning makes them worse. Without a given budget the
+/// base stays unchanged.
 #[test]
 fn what_makes_the_test_photos_worse_is_not_kept_unless_it_was_asked_for() {
     let work = Work::new();
@@ -220,7 +223,7 @@ fn what_makes_the_test_photos_worse_is_not_kept_unless_it_was_asked_for() {
     assert!(report["placements"].as_array().unwrap().len() == 3 && report["supplementary_gaussians"].is_u64());
     assert!(fs::read(work.path("a.ply")).unwrap() == fs::read(work.path("base.ply")).unwrap());
     assert!(stderr(&work, &format!("{enhance} -o b.ply")).contains("the base is what was written"));
-    // What was asked for is done; what other viewers show is the base all the same.
+    // A requested budget is spent; other viewers still get the original base.
     let report = work.json(&format!("{enhance} --ratio 0.1 -o c.ply --json"));
     assert!(report["discarded"] == false && report["original_kept"] == true, "{report}");
     assert_eq!(report["gain"]["base_alone"], report["gain"]["before"]);

@@ -1,4 +1,4 @@
-//! Training looked at while it goes on, and training by the clock.
+//! Tests evaluations during training, and training with a time limit.
 
 use std::{fs, time::Instant};
 
@@ -8,8 +8,8 @@ use super::{Work, files, shared::shared};
 
 const TRAIN: &str = "train data --iterations 64 --gaussians 300 --sh-degree 1 --deterministic";
 
-/// Random points of a room that cameras stand in: where they begin opaque, those before the cameras stay a fog (21.25 dB with a first
-/// opacity of 0.4; 0.1, that of 3DGS, has 23.18).
+/// Random points in a room around the cameras: with a high initial opacity, those near the cameras stay as
+/// fog (21.25 dB with 0.4; 3DGS's 0.1 has 23.18).
 #[test]
 fn random_points_in_the_open_become_a_scene_and_no_fog() {
     let Some(fox) = shared("small/fox") else { return };
@@ -35,35 +35,36 @@ fn evaluations_are_kept_line_by_line_and_change_nothing() {
     let (_, _, pixels) = image(&work.path("out.history/step-000064.png"));
     assert!(pixels.iter().any(|&byte| byte > 100));
     assert!(records.is_sorted_by(|a, b| a.seconds < b.seconds && a.psnr < b.psnr), "{text}");
-    // The last line is what `eval` finds, but for the error of the file's float32.
+    // The last line equals `eval`'s result, except for the rounding of the file's float32.
     let found = work.json("eval out.ply data --json");
     let last = records.last().unwrap();
     let (psnr, bytes) = (found["base"]["psnr"].as_f64().unwrap(), fs::metadata(work.path("out.ply")).unwrap().len());
     assert!((last.psnr - psnr).abs() < 1e-6, "{} and {psnr}", last.psnr);
-    // All but the header, which is less than this.
+    // The whole file except the header, which is smaller than this.
     assert!((last.bytes..last.bytes + 1000).contains(&bytes), "{bytes} and {last:?}");
     assert_eq!((last.gaussians, &last.holdout[..]), (300, "default"));
     assert_eq!(lines[2]["loss"], report["final_loss"]);
-    // What is there is not written over, and a dataset without test photos has nothing to compare with.
+    // Existing files are not overwritten, and a dataset without test photos cannot be evaluated.
     work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["out.ply", "--force"]);
     fs::remove_file(work.path("out.ply")).unwrap();
     work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["out.history.jsonl", "--force"]);
     fs::remove_file(work.path("out.history.jsonl")).unwrap();
     work.refused(&format!("{TRAIN} -o out.ply --eval-every 24"), &["step-000024.png", "--force"]);
     work.refused(&format!("{TRAIN} -o none.ply --eval-every 24 --holdout none"), &["test split"]);
-    // Pictures of a run that is replaced are not left among the new ones.
+    // Pictures of a replaced run are removed.
     work.ok(&format!("{TRAIN} -o out.ply --eval-every 40 --force"));
     assert_eq!(files(&work.path("out.history")), ["step-000040.png", "step-000064.png"]);
 }
 
-/// What photos' maps are is told at the end; evaluations know nothing of them, and `eval` finds what the last of them did.
+/// The photos' maps are summarised at the end. Evaluations do not use them, and `eval` reproduces the last
+/// one.
 #[test]
 fn exposure_is_corrected_in_training_alone() {
     let work = Work::new();
     let plain = work.json(&format!("{TRAIN} -o plain.ply --json"));
     assert!(plain.get("largest_exposure").is_none());
     let report = work.json(&format!("{TRAIN} -o out.ply --exposure --eval-every 24 --json"));
-    // Nine steps of each photo, of 0.01 or so at most.
+    // Nine steps per photo, each at most about 0.01.
     let largest = report["largest_exposure"].as_f64().unwrap();
     assert!((0.001..0.2).contains(&largest), "{report}");
     assert!(fs::read(work.path("out.ply")).unwrap() != fs::read(work.path("plain.ply")).unwrap());
@@ -75,7 +76,7 @@ fn exposure_is_corrected_in_training_alone() {
     assert!(output.status.success() && said.contains("note: exposure: the photos' colour maps"), "{said}");
 }
 
-/// The colours of DBS, from training to pictures; where there is no place for them that is said.
+/// DBS's colours, from training to pictures; formats that cannot store them give a note.
 #[test]
 fn spherical_betas_are_learned_and_kept() {
     let work = Work::new();
@@ -101,7 +102,7 @@ fn spherical_betas_are_learned_and_kept() {
     }
     work.refused("export --html out.html out.ply", &["no place for spherical betas"]);
     work.refused("enhance data --base out.ply -o more.ply", &["out.ply", "has spherical betas", "harmonics"]);
-    // They learn on as they were, and what is of harmonics begins with their constant.
+    // Training continues with betas; harmonics become betas with the same constant.
     let on = "train data --init out.ply --strategy mcmc --iterations 32 --deterministic";
     work.ok(&format!("{on} --color sb -o on.ply"));
     assert!(psnr("on.ply") > psnr("out.ply"));
@@ -116,7 +117,7 @@ fn image(path: &std::path::Path) -> (u32, u32, Vec<u8>) {
     (image.width(), image.height(), image.into_raw())
 }
 
-/// Other work may share the machine: a run that planned itself badly would be off by far more than this allows.
+/// Other work may share the machine: a badly planned run would miss this limit by far.
 #[test]
 fn a_run_takes_the_time_that_it_was_given_with_its_schedule_complete() {
     let work = Work::new();
@@ -124,7 +125,7 @@ fn a_run_takes_the_time_that_it_was_given_with_its_schedule_complete() {
     let report = work.json("train data -o out.ply --time 6s --points 200 --gaussians 300 --json");
     let seconds = started.elapsed().as_secs_f64();
     assert!((5.0..8.0).contains(&seconds), "{seconds} s: {report}");
-    // Gaussians come to be as many as were asked for towards the end of a run only.
+    // The number of Gaussians reaches its limit only towards the end of a run.
     assert_eq!(report["gaussians"], 300);
     assert!(report["iterations"].as_u64().unwrap() > 64, "{report}");
     assert_eq!(files(work.0.path()), ["data", "out.ply"]);
@@ -136,7 +137,7 @@ fn a_run_takes_the_time_that_it_was_given_with_its_schedule_complete() {
     }
 }
 
-/// Slow steps are few, and it was 65 of them at least, which here are some 20 s.
+/// A regression test: at least 65 steps were taken, about 20 s here.
 #[test]
 fn a_run_of_slow_steps_ends_in_its_time_too() {
     let work = Work::new();
@@ -147,7 +148,8 @@ fn a_run_of_slow_steps_ends_in_its_time_too() {
     assert!(seconds < 8.0 && (1..60).contains(&report["iterations"].as_u64().unwrap()), "{seconds} s: {report}");
 }
 
-/// Steps are numbered as they were taken, whatever the run was planned to have then, and looking takes none of its time.
+/// Steps are numbered as taken, independent of changes of the plan, and evaluations do not count against the
+/// time.
 #[test]
 fn a_run_by_time_is_looked_at_as_any() {
     let work = Work::new();
@@ -169,7 +171,7 @@ fn a_time_that_is_too_short_for_a_scene_is_told() {
     work.refused("train data -o out.ply --time 0.001s", &["--time 1ms", "no time is left for a step", "expected more"]);
 }
 
-/// A scene of glint or of anybody begins where it was, points of a file where they are.
+/// A scene from any program keeps its position, and so do points of a file.
 #[test]
 fn training_begins_with_what_a_file_holds() {
     let work = Work::new();
@@ -178,15 +180,15 @@ fn training_begins_with_what_a_file_holds() {
     let more = "train data --init first.ply --iterations 32 --deterministic";
     let report = work.json(&format!("{more} -o more.ply --json"));
     assert_eq!((&report["gaussians"], &report["sh_degree"]), (&first["gaussians"], &serde_json::json!(3)));
-    // Half of the steps more: the rates go on where they were half way.
+    // Half of the steps again: the rates continue from the middle of the schedule.
     assert!(psnr("more.ply") > psnr("first.ply"), "{} and {}", psnr("more.ply"), psnr("first.ply"));
-    // A fresh start of as many steps comes to less.
+    // A new run with the total number of steps is worse.
     work.ok("train data -o fresh.ply --iterations 32 --gaussians 300 --deterministic");
     assert!(psnr("more.ply") > psnr("fresh.ply") + 1.0);
     work.ok(&format!("{more} -o grown.ply --gaussians 350"));
     assert_eq!(work.json("info grown.ply --json")["base"]["count"], 350);
     work.ok(&format!("{more} -o same.ply --gaussians 300"));
-    // A folder with the files of a scene, and what is left out of an augmented one.
+    // An SOG scene in a folder, and the base of an augmented scene.
     work.ok("convert first.ply first.sog");
     let mut archive = zip::ZipArchive::new(fs::File::open(work.path("first.sog")).unwrap()).unwrap();
     archive.extract(work.path("folder")).unwrap();
@@ -196,7 +198,7 @@ fn training_begins_with_what_a_file_holds() {
     assert!(notes("augmented").contains("Gaussians with lobes are left out"), "{}", notes("augmented"));
     assert!(!notes("first").contains("lobes"));
 
-    // What was trained from another file is another run.
+    // Training from another file is a different run.
     let points = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                   property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n\
                   0 0 0 250 0 0\n0.2 0 0 0 250 0\n0 0.2 0 0 0 250\n";
@@ -213,7 +215,7 @@ fn training_begins_with_what_a_file_holds() {
     work.refused("train data --init first.ply -o first.ply --force", &["first.ply", "this command reads"]);
 }
 
-/// Seven photos of 32 × 24 have a Gaussian for 16 pixels at most, which is less than four times the 300 points.
+/// Seven photos of 32 × 24 allow one Gaussian per 16 pixels, less than four times the 300 points.
 #[test]
 fn a_run_without_a_limit_grows_by_its_points_and_photos() {
     let work = Work::new();
@@ -222,10 +224,10 @@ fn a_run_without_a_limit_grows_by_its_points_and_photos() {
         work.json(&train)["gaussians"].as_u64().unwrap()
     };
     assert_eq!([count(""), count("--points 20"), count("--strategy fixed")], [336, 80, 300]);
-    // What a scene has is its maker's choice, and a limit the user's.
+    // A given scene and a given limit take precedence.
     fs::rename(work.path("out.ply"), work.path("first.ply")).unwrap();
     assert_eq!([count("--init first.ply"), count("--gaussians 500"), count("--gaussians 30")], [300, 500, 30]);
-    // Of random points a quarter comes first.
+    // Of random points a quarter is used at first.
     fs::remove_file(work.path("data/sparse/0/points3D.txt")).unwrap();
     let notes = work.notes("train data -o out.ply --force --iterations 2 --gaussians 200");
     assert!(notes.contains("starting from 50 random ones"), "{notes}");
@@ -239,7 +241,7 @@ fn where_a_run_begins_is_said_where_one_would_not_expect_it() {
     assert!(notes("--points 301").contains("fewer than the 301"));
     assert!(!notes("--points 300").contains("300"), "{}", notes("--points 300"));
     assert!(!notes("").contains("one place"));
-    // All cameras where the first one stands.
+    // All cameras at the position of the first.
     work.edit("data/sparse/0/images.txt", |text| {
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(' ').collect()).collect();
         let placed = lines.iter().map(|words| match &words[..] {

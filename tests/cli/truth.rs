@@ -1,4 +1,4 @@
-//! Datasets whose truth is known, the score of a decomposition, and the page that shows several scenes.
+//! Tests datasets with known truth, the score of a decomposition, and reports of several scenes.
 
 use std::fs;
 
@@ -39,7 +39,7 @@ fn a_synthetic_dataset_is_made_trained_and_its_parts_are_judged() {
         let parts = found["decomposition"].clone();
         assert_eq!(parts["views"].as_array().unwrap().len(), 2);
         let of = |value: &Value| [&value["diffuse"], &value["specular"]].map(|v| v.as_f64().unwrap());
-        // Means of the two.
+        // Means of the two views.
         let (mean, [a, b]) = (of(&parts), [0, 1].map(|i| of(&parts["views"][i])));
         assert!((0..2).all(|i| (mean[i] - 0.5 * (a[i] + b[i])).abs() < 1e-9));
         mean
@@ -50,7 +50,7 @@ fn a_synthetic_dataset_is_made_trained_and_its_parts_are_judged() {
     assert!(table.contains("diffuse PSNR [dB]") && table.contains("specular PSNR [dB]"), "{table}");
     assert!(work.json("eval more.ply shiny --json").get("decomposition").is_none());
 
-    // On a page the true parts of both views stand beside those of both scenes, with the numbers of eval.
+    // A report shows the true parts of both views next to those of both scenes, with the numbers of eval.
     work.ok("report shiny few=few.ply more=more.ply -o page");
     let html = fs::read_to_string(work.path("page/index.html")).unwrap();
     let count = |part: &str| html.matches(part).count();
@@ -63,7 +63,7 @@ fn a_synthetic_dataset_is_made_trained_and_its_parts_are_judged() {
     assert_eq!([count("true diffuse of"), count("true specular of"), count("few: diffuse of")], [2; 3], "{html}");
     assert_eq!((count("over few [dB]"), count("× 4</th>")), (1, 2), "{html}");
 
-    // A part that is missing or of another size is named.
+    // A missing part, or one of another size, is named.
     write_png_rgb(work.path("shiny/specular/view_08.png"), 5, 5, &[0.0; 75]).unwrap();
     for command in ["eval more.ply shiny --decomposition", "report shiny few=few.ply -o page --force"] {
         work.refused(command, &["specular/view_08.png", "5 × 5", "24 × 24"]);
@@ -101,18 +101,19 @@ fn scenes_are_shown_beside_each_other() {
     assert_eq!(files(&work.path("shown")), ["index.html", "report.json"]);
     let html = fs::read_to_string(work.path("shown/index.html")).unwrap();
     let count = |part: &str| html.matches(part).count();
-    // Nine views: a photograph and two renders of each, an error of either scene, the parts of the augmented one.
+    // Nine views: a photograph and two renders each, an error for either scene, the parts of the augmented
+    // one.
     assert_eq!((count("<section"), count("class=\"shot"), count("class=\"part")), (9, 27, 36));
-    // Over seconds, of the hold-out in which runs go on.
+    // Curves over seconds, for the hold-out that has several evaluations.
     assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (2, 1, 1));
     assert!(!html.contains("://") && html.contains("<td>22.00 (21.00 to 23.00)</td>"));
-    // The picture of a photo is the photo, that of a render what `render` makes.
+    // A photo's picture equals the photo, a render's picture equals `render`'s output.
     work.ok("render augmented.ply data -o renders");
     for file in ["data/images/a.png", "renders/a.png"] {
         let pixels = image::open(work.path(file)).unwrap().into_rgb8();
         assert!(html.contains(&data_of(&pixels).unwrap()), "{file}");
     }
-    // Its numbers are those of eval.
+    // The numbers equal those of eval.
     let numbers: Value = serde_json::from_slice(&fs::read(work.path("shown/report.json")).unwrap()).unwrap();
     let found = work.json("eval augmented.ply data --split all --json");
     for (i, part) in ["base", "augmented"].into_iter().enumerate() {

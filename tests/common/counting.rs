@@ -1,5 +1,5 @@
-//! A device's functions with counters before them, as a layer would have them: what is made and destroyed of each kind, and what
-//! debuggers are told.
+//! Wraps a device's functions with counters, like a layer: counts created and destroyed objects of each kind,
+//! and records names and labels for debuggers.
 
 use std::{
     ffi::{CStr, c_char, c_void},
@@ -12,7 +12,7 @@ use std::{
 
 use ash::vk;
 
-/// What a handle is made and destroyed by.
+/// Functions that create and destroy each kind of handle.
 const KINDS: [[&CStr; 2]; 9] = [
     [c"vkCreateBuffer", c"vkDestroyBuffer"],
     [c"vkAllocateMemory", c"vkFreeMemory"],
@@ -27,43 +27,43 @@ const KINDS: [[&CStr; 2]; 9] = [
 const PIPELINES: usize = KINDS.len() - 1;
 const ALLOCATIONS: usize = 1;
 
-/// Of each kind, and of what is told to debuggers: the driver's or a layer's functions.
+/// The original functions of each kind, and of debug utilities: from the driver or a layer.
 static REAL: [[AtomicUsize; 2]; KINDS.len()] = [const { [const { AtomicUsize::new(0) }; 2] }; KINDS.len()];
 static REAL_LABELS: [AtomicUsize; 3] = [const { AtomicUsize::new(0) }; 3];
 static REAL_ADDRESSES: [AtomicUsize; 2] = [const { AtomicUsize::new(0) }; 2];
-/// Made and destroyed.
+/// Numbers of created and destroyed objects.
 static COUNTS: [[AtomicU64; 2]; KINDS.len()] = [const { [const { AtomicU64::new(0) }; 2] }; KINDS.len()];
 static HEARD: Mutex<Vec<Told>> = Mutex::new(Vec::new());
-/// Handles of memory, and its bytes.
+/// Allocated memory handles and their sizes in bytes.
 static MEMORY: Mutex<Vec<(u64, u64)>> = Mutex::new(Vec::new());
 
-/// What debuggers are told.
+/// A call of debug utilities.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Told {
     Begin(String),
     End,
-    /// Of an object.
+    /// Name of an object.
     Name(vk::ObjectType, String),
 }
 
-/// Since the program began: the function, how many it made, and how many were destroyed.
+/// Totals since the program started: the creating function, created and destroyed objects.
 pub fn counts() -> impl Iterator<Item = (&'static CStr, u64, u64)> {
     KINDS.iter().zip(&COUNTS).map(|([make, _], [made, gone])| (*make, made.load(Relaxed), gone.load(Relaxed)))
 }
 
-/// Since the program began.
+/// Calls of debug utilities since the program started.
 #[allow(dead_code, reason = "not every test listens")]
 pub fn heard() -> Vec<Told> {
     HEARD.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
-/// Bytes of memory that the device has given and not got back.
+/// Bytes of device memory that are allocated now.
 #[allow(dead_code, reason = "not every test looks at memory")]
 pub fn memory() -> u64 {
     MEMORY.lock().unwrap_or_else(PoisonError::into_inner).iter().map(|(_, bytes)| bytes).sum()
 }
 
-/// Instance and device with the counters before the device's functions. Of one device at a time.
+/// Instance and device with counted functions. Only for one device at a time.
 pub fn counted(entry: &ash::Entry, instance: &ash::Instance, device: &ash::Device) -> (ash::Instance, ash::Device) {
     REAL_ADDRESSES[0].store(entry.static_fn().get_instance_proc_addr as usize, Relaxed);
     REAL_ADDRESSES[1].store(instance.fp_v1_0().get_device_proc_addr as usize, Relaxed);

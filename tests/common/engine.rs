@@ -1,4 +1,4 @@
-//! The little of a renderer that frames are recorded for: images, command buffers, a loop.
+//! A minimal renderer to record frames for: images, command buffers, a loop.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -8,14 +8,14 @@ use glint::{
     pipelines::frames::{SYNC_READ, SYNC_WRITTEN},
 };
 
-/// Whatever glint does with a caller's image or buffer.
+/// Stage and access of all of glint's uses of a caller's image or buffer.
 const USED: (vk::PipelineStageFlags, vk::AccessFlags) = (
     vk::PipelineStageFlags::from_raw(SYNC_READ.0.as_raw() | SYNC_WRITTEN.0.as_raw()),
     vk::AccessFlags::from_raw(SYNC_READ.1.as_raw() | SYNC_WRITTEN.1.as_raw()),
 );
 
-/// A renderer's own lock of its queues: engines of several threads may share one. glint's submissions do not take it, so while another
-/// thread submits there are none.
+/// The renderer's own lock of its queue, which engines of several threads may share. glint's submissions do
+/// not take it, so there must be none while another thread submits.
 static QUEUE: Mutex<()> = Mutex::new(());
 
 /// Owns images and command buffers on a context's device.
@@ -28,7 +28,7 @@ pub struct Engine<'a> {
 }
 
 impl<'a> Engine<'a> {
-    /// With so many frames in flight.
+    /// With `in_flight` frames in flight.
     pub fn new(context: &'a Context, in_flight: u32) -> Self {
         let device = context.device();
         unsafe {
@@ -44,7 +44,7 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// An image to copy to.
+    /// An image for copies.
     pub fn image(&mut self, format: vk::Format, width: u32, height: u32) -> ImageRegion {
         let device = self.context.device();
         let image = unsafe {
@@ -71,10 +71,10 @@ impl<'a> Engine<'a> {
         region
     }
 
-    /// Brings an image into another layout, for copies to or from it.
+    /// Transitions an image to another layout, for copies to or from it.
     pub fn turn(&self, region: &mut ImageRegion, layout: vk::ImageLayout) {
         let device = self.context.device();
-        // Of an image with stencils both parts change together.
+        // An image with stencil must transition both aspects together.
         let stencil = match region.format {
             vk::Format::D32_SFLOAT_S8_UINT => vk::ImageAspectFlags::STENCIL,
             _ => vk::ImageAspectFlags::empty(),
@@ -98,7 +98,7 @@ impl<'a> Engine<'a> {
         region.layout = layout;
     }
 
-    /// The commands of slot `slot`, whose earlier ones have run, open for recording.
+    /// The command buffer of slot `slot`, open for recording; its previous commands have run.
     pub fn begin(&self, slot: u32) -> vk::CommandBuffer {
         let (device, commands) = (self.context.device(), self.commands[slot as usize]);
         unsafe {
@@ -108,7 +108,8 @@ impl<'a> Engine<'a> {
         commands
     }
 
-    /// Ends and submits them. Between two frames on the queue stands the barrier that the caller owes for images that both write.
+    /// Ends and submits the commands. The required barrier between two frames that write the same images is
+    /// included.
     pub fn submit(&self, slot: u32) {
         let (device, fence) = (self.context.device(), self.fences[slot as usize]);
         unsafe {
@@ -126,7 +127,7 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Waits for all.
+    /// Waits for all submissions.
     pub fn finish(&self) {
         unsafe { self.context.device().wait_for_fences(&self.fences, true, u64::MAX).unwrap() };
     }
@@ -138,7 +139,7 @@ impl<'a> Engine<'a> {
         self.finish();
     }
 
-    /// An image's pixels, of `words` words each.
+    /// Pixels of an image, `words` words each.
     pub fn read(&self, region: &mut ImageRegion, size: [u32; 2], words: u32) -> Vec<u32> {
         self.turn(region, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
         let len = (words * size[0] * size[1]) as usize;
@@ -150,7 +151,7 @@ impl<'a> Engine<'a> {
         buffer.download().unwrap()
     }
 
-    /// Fills an image.
+    /// Uploads an image.
     pub fn write(&self, region: &ImageRegion, size: [u32; 2], pixels: &[u32]) {
         let buffer = Buffer::from_slice(self.context, "write", pixels).unwrap();
         let mut recorder = self.context.recorder("write").unwrap();

@@ -1,4 +1,4 @@
-//! What the tests that need a device share.
+//! Shared helpers of tests that need a device.
 
 use std::{
     sync::{Condvar, Mutex, MutexGuard, PoisonError},
@@ -10,21 +10,23 @@ use glint::{
     pipelines::session::{Policy, Reduction, Session},
 };
 
-/// On a device, with sums in a fixed order and whatever else is usual.
+/// A session with the deterministic reduction and default options.
 #[allow(dead_code, reason = "not every test runs pipelines")]
 pub fn session(context: &Context) -> Session {
     let policy = Policy { reduction: Reduction::Deterministic, ..Default::default() };
     Session { policy, ..Session::new(context) }
 }
 
-/// The devices of this test program, one for each thread. The validation layers look up the device of every call in a map that they
-/// do not lock (issue 4391 of KhronosGroup/Vulkan-ValidationLayers): where a device comes or goes while another thread uses its own,
-/// the process can end. So all are made while none is used, and go when all are back.
+/// The devices of this test program, one per thread. The validation layers look up the device of every call
+/// in a map without locking (issue 4391 of KhronosGroup/Vulkan-ValidationLayers): if a device is created or
+/// destroyed while another thread uses its own, the process can crash. So all devices are made while none is
+/// used, and destroyed when all are returned.
 struct Devices {
     idle: Vec<Context>,
-    /// Who has which; more than once where a thread has several contexts. `None` is a device that a test makes itself.
+    /// Devices in use, by thread; several entries if a thread has several contexts. `None` is a device made
+    /// by the test itself.
     taken: Vec<(ThreadId, Option<Context>)>,
-    /// One thread has all turns.
+    /// One thread has exclusive use.
     alone: bool,
 }
 
@@ -42,7 +44,7 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// No other thread has a device meanwhile, so that this one may make its own.
+    /// Exclusive use: no other thread has a device meanwhile, so that this one may make its own.
     #[allow(dead_code, reason = "few tests make devices")]
     pub fn alone() -> Self {
         let me = thread::current().id();
@@ -104,11 +106,11 @@ impl Drop for Turn {
     }
 }
 
-/// A context of its own, with the validation layers on where `GLINT_VALIDATION` is set (`tools/test` sets it). On drop the test fails
-/// if the layers said anything.
+/// A separate context, with validation layers if `GLINT_VALIDATION` is set (`tools/test` sets it). On drop
+/// the test fails if the layers have reported anything.
 pub struct Gpu {
     context: Context,
-    // Goes back when the context is gone.
+    // Dropped after the context.
     _turn: Turn,
 }
 

@@ -24,7 +24,7 @@ use glint::{
 
 pub const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 
-/// Rates of the step: all different, so that none can stand in for another.
+/// Rates of the step, all different, so that a swap shows.
 pub const RATES: Rates = Rates {
     mean: 1e-4,
     log_scale: 5e-3,
@@ -44,14 +44,14 @@ pub const RATES: Rates = Rates {
 pub struct Setup {
     pub compensate: bool,
     pub degree: u32,
-    /// Steps of the opacity alone; then `gradients` means nothing.
+    /// Only opacities step; then `gradients` is meaningless.
     pub opacity_only: bool,
     pub tile: Option<TileShape>,
     pub origin: DVec3,
     pub reduction: Reduction,
     /// Moments and gradient records are packed.
     pub packed: bool,
-    /// Gaussians of a page at most.
+    /// Maximum number of Gaussians per page.
     pub page: Option<u32>,
 }
 
@@ -70,20 +70,20 @@ impl Default for Setup {
     }
 }
 
-/// What a view of a scene came to.
+/// Result of a view of a scene.
 #[derive(Clone)]
 pub struct Shot {
     pub image: Vec<[f32; 4]>,
     pub depth: Vec<f32>,
     pub tile_counts: Vec<u32>,
-    /// In the layout of the twin's.
+    /// Gradients in the twin's layout.
     pub gradients: Params,
-    /// After one Adam step.
+    /// Scene after one Adam step.
     pub stepped: Scene,
 }
 
 impl Shot {
-    /// Every number, as bits: equal only if all is the same.
+    /// All numbers as bits, for exact comparison.
     pub fn bits(&self) -> Vec<u64> {
         let p = &self.gradients;
         let s = Params::from_scene(&self.stepped).unwrap();
@@ -114,7 +114,7 @@ impl<'a> Probe<'a> {
         Probe { gpu, renderer: Renderer::new(gpu, needs, &views, options).unwrap(), setup }
     }
 
-    /// Options of the twin that does the same.
+    /// The twin's options for the same computation.
     pub fn options(&self) -> Options {
         let tile = self.renderer.raster.tile;
         Options {
@@ -156,7 +156,7 @@ impl<'a> Probe<'a> {
             gradients.record_begin(&mut recorder);
             gradients.record_add(&mut recorder, &seen);
         }
-        // Of the first step: it is the rate itself, whatever the gradient.
+        // The first step has the length of the rate, whatever the gradient.
         for [_, step] in &learners {
             step.record_step(&mut recorder, &seen, &RATES, 0);
         }
@@ -184,8 +184,9 @@ impl<'a> Probe<'a> {
         }
     }
 
-    /// The twin's view of the same, and a gradient of the image: smooth, different in each channel, and 0 where a pixel is
-    /// closer than `calm` (relative) to a threshold and float32 may have decided otherwise.
+    /// The twin's result for the same view, and a gradient of the image. The gradient is smooth and differs
+    /// by channel; it is 0 at pixels closer than `calm` (relative) to a threshold, where float32 may decide
+    /// differently.
     pub fn twin(&self, scene: &Scene, camera: &Camera, calm: f64) -> Twin {
         let params = Params::from_scene(scene).unwrap();
         let view = reference::View::from_camera(camera).rounded();
@@ -202,8 +203,8 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// A smooth gradient of the image that differs by channel. Its mean is not 0, lest sums over wide Gaussians cancel and their
-/// error be measured against nothing.
+/// A smooth gradient of the image that differs by channel. Its mean is not 0; otherwise sums over wide
+/// Gaussians would cancel and leave nothing to measure their error against.
 pub fn ripple(pixel: usize) -> [f64; 3] {
     [0.0, 1.0, 2.0].map(|c: f64| f64::from((0.5 + (pixel as f64 * 0.013 + c).sin()) as f32))
 }
@@ -214,14 +215,14 @@ pub struct Twin {
     pub image_grad: Vec<[f64; 3]>,
 }
 
-/// How far the device is from the twin.
+/// Differences between the device and the twin.
 #[derive(Debug, Default)]
 pub struct Distance {
-    /// Largest difference of a calm pixel, relative to the largest colour where that is above 1.
+    /// Largest difference of a calm pixel, relative to the largest colour if that is above 1.
     pub image: f64,
-    /// Share of calm pixels.
+    /// Fraction of calm pixels.
     pub calm: f64,
-    /// Relative L2 and cosine of each group of parameters that has a gradient.
+    /// Relative L2 error and cosine for each group of parameters with a gradient.
     pub groups: Vec<(&'static str, f64, f64)>,
 }
 
@@ -231,7 +232,7 @@ impl Distance {
     }
 }
 
-/// Compares image and gradients; pixels are calm where their image gradient is not 0.
+/// Compares image and gradients; pixels are calm if their image gradient is not 0.
 pub fn distance(shot: &Shot, twin: &Twin) -> Distance {
     let blended = &twin.rendered.blended;
     let scale = blended.image.iter().flatten().fold(1.0f64, |a, &b| a.max(b));
@@ -252,7 +253,7 @@ pub fn distance(shot: &Shot, twin: &Twin) -> Distance {
         let pairs: Vec<(f64, f64)> = of(got).into_iter().zip(of(want)).collect();
         let norm = |f: fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>().sqrt();
         let (difference, size, other) = (norm(|(g, w)| (g - w).powi(2)), norm(|(_, w)| w * w), norm(|(g, _)| g * g));
-        // What float32 flushes to 0 has no relative error.
+        // Values that float32 flushes to 0 have no relative error.
         if size > 1e-35 || other > 1e-35 {
             let cosine = pairs.iter().map(|(g, w)| g * w).sum::<f64>() / (size * other);
             out.groups.push((group.name, difference / size, cosine));
@@ -261,7 +262,7 @@ pub fn distance(shot: &Shot, twin: &Twin) -> Distance {
     out
 }
 
-/// One Gaussian, by what it is.
+/// Parameters of one Gaussian.
 #[derive(Debug, Clone, Copy)]
 pub struct Blob {
     pub mean: DVec3,
@@ -294,7 +295,7 @@ pub fn scene(blobs: &[Blob]) -> Scene {
     Scene { base: base(blobs), ..Default::default() }
 }
 
-/// As supplementary Gaussians, each with a lobe (direction, width, sharpness).
+/// A base, and supplementary Gaussians, each with a lobe (direction, width, sharpness).
 pub fn with_lobes(plain: &[Blob], lobed: &[(Blob, [f32; 3], f32, f32)]) -> Scene {
     let lobes = Lobes {
         directions: lobed.iter().map(|l| l.1).collect(),
@@ -305,7 +306,8 @@ pub fn with_lobes(plain: &[Blob], lobed: &[(Blob, [f32; 3], f32, f32)]) -> Scene
     Scene { base: base(plain), supplement: Some(Supplement { gaussians, lobes }), ..Default::default() }
 }
 
-/// A turned camera at `eye` with a horizontal field of view of 60°; `unproject` says what it sees where.
+/// A rotated camera at `eye` with a horizontal field of view of 60°; use `unproject` to place objects in its
+/// view.
 pub fn camera_at(eye: DVec3, width: u32, height: u32) -> Camera {
     let rotation = DMat3::from_rotation_z(0.3) * DMat3::from_rotation_y(-0.7) * DMat3::from_rotation_x(0.4);
     let focal = f64::from(width) * 0.866;

@@ -1,4 +1,4 @@
-//! Commands as child processes that cannot outlive their test.
+//! Runs commands as child processes that cannot outlive their test.
 
 use std::{
     io::Read,
@@ -9,7 +9,7 @@ use std::{
 
 use wait_timeout::ChildExt;
 
-/// Longer than any command of the tests takes on two busy cores with the validation layers on.
+/// Longer than any command of the tests on two busy cores with the validation layers.
 const LIMIT: Duration = Duration::from_secs(300);
 
 /// Runs `command` to its end.
@@ -19,10 +19,10 @@ pub fn run(command: &mut Command) -> Output {
     run_within(LIMIT, command)
 }
 
-/// As [`run`], of one that may take as long as `limit`.
+/// [`run`] with a longer time limit.
 #[track_caller]
 pub fn run_within(limit: Duration, command: &mut Command) -> Output {
-    // Whether the device was checked is remembered among the tests, and not in the user's files.
+    // The record of device checks goes to the tests' folder instead of the user's files.
     if !command.get_envs().any(|(name, _)| name == "XDG_CACHE_HOME") {
         command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
     }
@@ -30,7 +30,7 @@ pub fn run_within(limit: Duration, command: &mut Command) -> Output {
     finish_within(limit, piped.spawn().unwrap())
 }
 
-/// Waits for `child` and what is left in its pipes. One that does not end is killed and fails the test.
+/// Waits for `child` and reads its pipes to the end. A child that does not end is killed, and the test fails.
 #[track_caller]
 #[allow(dead_code, reason = "not every test has children")]
 pub fn finish(child: Child) -> Output {

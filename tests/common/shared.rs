@@ -1,9 +1,9 @@
-//! Real data that is not part of the repository.
+//! Finds real data that is not part of the repository.
 
 use std::path::PathBuf;
 
-/// A file or folder of `../shared/data`. Where it is not there the test skips with a message; CI sets `GLINT_REQUIRE_DATA`, upon
-/// which it fails.
+/// A file or folder of `../shared/data`. If it is missing, the test skips with a message; with
+/// `GLINT_REQUIRE_DATA`, set by CI, it fails.
 pub fn shared(name: &str) -> Option<PathBuf> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
     if path.exists() {

@@ -1,4 +1,4 @@
-//! A wall to look at.
+//! A wall as a test scene.
 
 use glint::scene::Gaussians;
 

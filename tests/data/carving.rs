@@ -1,4 +1,4 @@
-//! Where a run without sparse points begins: transparency says where nothing is, masks say nothing.
+//! Tests the first points of runs without sparse points: transparency excludes regions, masks do not.
 
 use std::fs;
 use std::path::Path;
@@ -11,19 +11,19 @@ use serde_json::json;
 const SIZE: [u32; 2] = [40, 30];
 const FOCAL: f64 = 35.0;
 
-/// The photo's disc, and what is around it.
+/// Whether a pixel is in the photo's disc.
 fn is_disc(x: u32, y: u32) -> bool {
     (f64::from(x) - 19.5).hypot(f64::from(y) - 14.5) < 5.0
 }
 
-/// Axes of a camera that stands four units out on an axis and looks back, right, down and ahead.
+/// Axes of a camera four units out on an axis that looks back: right, down and ahead.
 fn axes(eye: DVec3) -> DMat3 {
     let ahead = -eye.normalize();
     let right = ahead.cross(if ahead.y.abs() > 0.9 { DVec3::X } else { -DVec3::Y }).normalize();
     DMat3::from_cols(right, ahead.cross(right), ahead)
 }
 
-/// Six photos of a disc from all sides, all around it of this alpha, in one of the three ways in which they come.
+/// Six photos of a disc from all sides, with this alpha around it, as a dataset of this kind.
 fn write(root: &Path, kind: DatasetKind, around: u8) {
     let eyes = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z].map(|axis| 4.0 * axis);
     fs::create_dir_all(root.join("images")).unwrap();
@@ -65,7 +65,7 @@ fn write(root: &Path, kind: DatasetKind, around: u8) {
     fs::write(root.join(name), file.to_string()).unwrap();
 }
 
-/// A mask of each photo, black where the disc is or where it is not.
+/// A mask of each photo, black inside the disc or outside.
 fn mask(folder: &Path, black_disc: bool) {
     fs::create_dir_all(folder).unwrap();
     let pixel = |x, y| Luma([if is_disc(x, y) == black_disc { 0 } else { 255 }]);
@@ -79,7 +79,7 @@ fn open(root: &Path, alpha: Alpha) -> Dataset {
 
 const KINDS: [DatasetKind; 3] = [DatasetKind::Blender, DatasetKind::Transforms, DatasetKind::Colmap];
 
-/// In NeRF Synthetic alone they were; elsewhere they filled what the cameras see.
+/// Carving once worked for NeRF Synthetic only; elsewhere points filled the cameras' view.
 #[test]
 fn random_points_lie_where_no_photo_is_transparent_wherever_photos_come_from() {
     for kind in KINDS {
@@ -93,7 +93,7 @@ fn random_points_lie_where_no_photo_is_transparent_wherever_photos_come_from() {
         let inside = |p: &[f64; 3]| (0..3).all(|axis| p[axis].hypot(p[(axis + 1) % 3]) < 0.67);
         assert!(cloud.positions.len() == 500 && cloud.positions.iter().all(inside), "{kind:?}");
         assert!(cloud.positions.iter().any(|p| p[0].hypot(p[1]) > 0.45), "{kind:?}");
-        // Not all of them on one side.
+        // They are not all on one side.
         let mean = cloud.positions.iter().map(|&p| glam::DVec3::from(p)).sum::<glam::DVec3>() / 500.0;
         assert!(mean.length() < 0.1, "{kind:?}: {mean}");
         assert_eq!(cloud, data.carved_points(500, 1).unwrap().unwrap());
@@ -107,17 +107,17 @@ fn photos_that_nothing_shines_through_carve_nothing() {
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), kind, 255);
         assert_eq!(open(folder.path(), Alpha::Background).carved_points(5, 1).unwrap(), None, "{kind:?}");
-        // Nearly transparent is not transparent.
+        // Nearly transparent does not count as transparent.
         write(folder.path(), kind, 3);
         assert_eq!(open(folder.path(), Alpha::Background).carved_points(5, 1).unwrap(), None, "{kind:?}");
-        // One photo is enough, be it the last one.
+        // One photo is enough, even the last.
         let pixel = |x, _| Rgba([9, 9, 9, if x < 20 { 0 } else { 255 }]);
         RgbaImage::from_fn(SIZE[0], SIZE[1], pixel).save(folder.path().join("images/5.png")).unwrap();
         assert!(open(folder.path(), Alpha::Background).carved_points(5, 1).unwrap().is_some(), "{kind:?}");
     }
 }
 
-/// A mask is no silhouette: what it leaves out may be there, like whoever walks through the picture, or may not.
+/// A mask is not a silhouette: the hidden part may be an object, such as a passer-by, or empty.
 #[test]
 fn masks_carve_nothing_and_show_nothing() {
     for kind in KINDS {
@@ -134,10 +134,10 @@ fn masks_carve_nothing_and_show_nothing() {
                 assert!(data.notes.iter().any(|note| note.contains("with a mask")), "{:?}", data.notes);
                 data.carved_points(50, 1).unwrap()
             };
-            // All that counts is opaque, with and without transparent pixels that do not count.
+            // All valid pixels are opaque, with and without transparent masked pixels.
             assert_eq!(carved(255, false, Alpha::Background), None, "{kind:?}");
             assert_eq!(carved(0, false, Alpha::Background), None, "{kind:?}");
-            // Nothing that counts shows anything but emptiness.
+            // All valid pixels are empty.
             assert_eq!(carved(0, true, Alpha::Background), None, "{kind:?}");
             assert_eq!(carved(0, true, Alpha::Mask), None, "{kind:?}");
         }

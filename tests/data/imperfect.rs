@@ -1,4 +1,5 @@
-//! Datasets with something missing, moved, turned or shared by mistake: what can be used is used, and what is not is told.
+//! Tests datasets with missing, moved, rotated or doubly used parts: the usable parts are read, the rest is
+//! reported.
 
 use std::fs;
 use std::io::Cursor;
@@ -28,7 +29,7 @@ fn plain() -> Plain {
     Plain::new(10, [8, 6], [9.0, 9.0], "sub", 1)
 }
 
-/// transforms.json of the dataset in `root`, after this change.
+/// Applies a change to the transforms.json of the dataset in `root`.
 fn edit(root: &Path, change: impl FnOnce(&mut Value)) {
     let path = root.join("transforms.json");
     let mut file = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
@@ -66,14 +67,14 @@ fn photos_without_a_pose_are_left_out_and_move_no_other() {
     assert!(refused.contains("no photo is left: `images/p01.png` has no usable camera"), "{refused}");
     assert!(refused.contains("transforms.json") && refused.contains("(and 9 more: "), "{refused}");
 
-    // One without a focal length.
+    // A frame without a focal length.
     write(&plain, folder.path(), "nerfstudio");
     edit(folder.path(), |file| file["frames"][2]["fl_x"] = json!("lost"));
     put(&path, fs::read_to_string(&path).unwrap().replace("\"lost\"", "NaN"));
     let note = "1 photo of 10 left out: `images/p04.png` has no usable camera: frame 2: the focal lengths [NaN, 9.0] are not positive numbers";
     assert_eq!(open(folder.path()).notes, [note]);
 
-    // COLMAP's own.
+    // COLMAP's own form.
     let folder = tempfile::tempdir().unwrap();
     write(&plain, folder.path(), "COLMAP text");
     let images = folder.path().join("sparse/0/images.txt");
@@ -109,7 +110,7 @@ fn names_of_another_machine_find_the_files_of_this_one() {
             assert_eq!(image.rgb, *pixels.as_raw(), "{}", photo.name);
             assert_eq!(image.mask.unwrap()[..8], [true, true, true, true, false, false, false, false]);
         }
-        // Two folders may be meant.
+        // Two folders match.
         for copy in ["one", "two"] {
             plain.write_photos(&folder.path().join(copy).join("images"), str::to_owned);
         }
@@ -120,7 +121,7 @@ fn names_of_another_machine_find_the_files_of_this_one() {
         fs::remove_dir_all(folder.path().join("two")).unwrap();
         assert_eq!(open(folder.path()).photos.len(), 10);
     }
-    // In COLMAP's lists too; a missing photo is not looked for among others.
+    // In COLMAP's lists too; a missing photo is not searched among others.
     let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
     write(&plain, folder.path(), "COLMAP text");
     let lists = folder.path().join("sparse/0/images.txt");
@@ -207,7 +208,7 @@ fn one_file_is_not_the_photo_of_two_cameras() {
     assert!(refused.contains("are both the one file") && refused.contains("0000."), "{refused}");
 }
 
-/// Points of the model that nerfstudio leaves behind, whose world its `applied_transform` turns.
+/// Points of a model that nerfstudio leaves behind; its `applied_transform` rotates the world.
 #[test]
 fn points_of_a_model_beside_the_file_stand_in_the_frame_of_its_cameras() {
     let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
@@ -239,7 +240,7 @@ fn points_of_a_model_beside_the_file_stand_in_the_frame_of_its_cameras() {
         ["the points of the COLMAP model in colmap/sparse/0 are taken, in the frame of these cameras"]
     );
     assert!(data.sources.iter().any(|source| source.ends_with("colmap/sparse/0/points3D.txt")));
-    // Of another reconstruction, whose cameras stand elsewhere to each other.
+    // A model of another reconstruction, with other relative camera positions.
     edit(folder.path(), |file| file["frames"][4]["transform_matrix"][0][3] = json!(40.0));
     let data = open(folder.path());
     assert!(data.points.is_none());
@@ -290,7 +291,7 @@ fn tagged(picture: &RgbImage, orientation: u8, ending: &str) -> Vec<u8> {
         }
         "webp" => {
             let mut encoder = WebPEncoder::new_lossless(&mut out);
-            // Of both forms that writers use.
+            // Both forms that writers use.
             let marker = if orientation.is_multiple_of(4) { &b"Exif\0\0"[..] } else { b"" };
             encoder.set_exif_metadata([marker, &exif(orientation)].concat()).unwrap();
             encoder.write_image(bytes, width, height, color).unwrap();
@@ -305,7 +306,7 @@ fn tagged(picture: &RgbImage, orientation: u8, ending: &str) -> Vec<u8> {
     out.into_inner()
 }
 
-/// What a file has to be turned by, so that the tag turns it back.
+/// The stored pixels, which the tag rotates upright.
 fn stored(upright: &RgbImage, orientation: u8) -> RgbImage {
     let back = match orientation {
         6 => 8,
@@ -317,10 +318,10 @@ fn stored(upright: &RgbImage, orientation: u8) -> RgbImage {
     picture.into_rgb8()
 }
 
-/// Of cameras of the upright picture and of the stored one, each photo is what its camera saw.
+/// With cameras for the upright and for the stored picture, each photo shows its camera's view.
 #[test]
 fn a_photo_is_turned_by_its_tag_where_only_that_fits_its_camera() {
-    // Smooth, so that JPEG keeps it; no two corners alike.
+    // Smooth, so that JPEG preserves it; all corners differ.
     let upright = |[width, height]: [u32; 2]| {
         RgbImage::from_fn(width, height, |x, y| Rgb([(200 * x / width) as u8, (200 * y / height) as u8, 60]))
     };
@@ -343,12 +344,12 @@ fn a_photo_is_turned_by_its_tag_where_only_that_fits_its_camera() {
             let picture = upright([24, 32]);
             let file = stored(&picture, orientation);
             let bytes = tagged(&file, orientation, ending);
-            // Of the upright picture: a quarter turn shows in the size.
+            // A camera of the upright picture: a quarter turn shows in the size.
             let (found, notes) = open([24, 32], &bytes, ending).unwrap_or_else(|what| panic!("{case}: {what}"));
             let expected = if orientation > 4 { &picture } else { &file };
             assert!(near(&found.rgb, expected), "{case}: {notes}");
             assert_eq!(notes.contains("1 photo turned by the EXIF orientation"), orientation > 4, "{case}: {notes}");
-            // Of what the file has, and of a square: nothing is turned.
+            // A camera of the stored picture, or a square one: nothing is rotated.
             let (found, notes) = open([file.width(), file.height()], &bytes, ending).unwrap();
             assert!(near(&found.rgb, &file) && !notes.contains("EXIF"), "{case}: {notes}");
             let square = stored(&upright([24, 24]), orientation);
@@ -356,11 +357,11 @@ fn a_photo_is_turned_by_its_tag_where_only_that_fits_its_camera() {
             assert!(near(&found.rgb, &square), "{case}");
         }
     }
-    // Reduced copies are turned, too.
+    // Downscaled copies are rotated too.
     let small = stored(&upright([12, 16]), 6);
     let (found, _) = open([24, 32], &tagged(&small, 6, "png"), "png").unwrap();
     assert!((found.width, found.height) == (12, 16) && near(&found.rgb, &upright([12, 16])));
-    // Without a size the principal point says which way the picture was.
+    // Without a size, the principal point decides the orientation.
     let plain = Plain::new(1, [24, 32], [9.0, 9.0], "sub", 1);
     let folder = tempfile::tempdir().unwrap();
     write(&plain, folder.path(), "nerfstudio");
@@ -369,7 +370,7 @@ fn a_photo_is_turned_by_its_tag_where_only_that_fits_its_camera() {
         put(&folder.path().join("images/sub/p00.png"), tagged(&file, orientation, "png"));
         assert_eq!(self::open(folder.path()).load_images().unwrap()[0].rgb, *plain.photos[0].as_raw());
     }
-    // Where the tag does not help, it is named.
+    // If the tag does not help, the error names it.
     for (orientation, size, words) in
         [(3, [24, 32], ["32 × 24", "orientation, 3,"]), (6, [20, 32], ["orientation, 6,", "makes it 24 × 32"])]
     {

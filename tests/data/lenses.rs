@@ -1,5 +1,5 @@
-//! Every camera model: pictures of a sky as each lens would take them, which must come out as pinhole pictures of that sky.
-//! The lenses here go from pixels to rays, by formulas of their own; glint goes from rays to pixels.
+//! Tests every camera model: pictures of a sky, made with each lens, must become pinhole pictures of that
+//! sky. The lenses here map pixels to rays, by separate formulas; glint maps rays to pixels.
 
 use std::path::Path;
 
@@ -12,11 +12,11 @@ use crate::variants::put;
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
 
-/// Rounding to bytes twice is 1/255; as much again for sampling between pixels and at edges (0.0048 in all measured). A
-/// coefficient of 0.01 that is left out makes 0.01.
+/// Rounding to bytes twice is 1/255; the same again for sampling between pixels and at edges (0.0048 in all
+/// measured). Leaving out a coefficient of 0.01 would give 0.01.
 const TOLERANCE: f64 = 2.0 / 255.0;
 
-/// A colour by direction that changes slowly: by 1.5 a radian at most.
+/// A colour by direction that changes slowly: by at most 1.5 per radian.
 fn sky(d: DVec3) -> [f64; 3] {
     [0.5 + 0.3 * (2.0 * d.x + d.y).sin(), 0.5 + 0.3 * (2.0 * d.y - d.z).cos(), 0.5 + 0.3 * (1.5 * d.z + d.x).sin()]
 }
@@ -40,7 +40,7 @@ fn at_angle(p: DVec2, angle: f64) -> DVec3 {
     DVec3::new(side.x, side.y, angle.cos())
 }
 
-/// Solves distort(q) = p by Newton's method with differences.
+/// Solves distort(q) = p by Newton's method with finite differences.
 fn newton(p: DVec2, distort: impl Fn(DVec2) -> DVec2) -> Option<DVec2> {
     let mut q = p;
     for _ in 0..50 {
@@ -62,8 +62,8 @@ fn tangential(q: DVec2, to_y: f64, to_x: f64) -> DVec2 {
 
 type Unproject = fn(DVec2) -> Option<DVec3>;
 
-/// A model, its parameters but for focal length and principal point, how many focal lengths it has, those in pixels, and the
-/// ray at a position in focal lengths from the principal point.
+/// A model, its parameters without focal length and principal point, the number of focal lengths, their value
+/// in pixels, and the ray at a position in focal lengths from the principal point.
 const LENSES: [(&str, &[f64], usize, f64, Unproject); 17] = [
     ("SIMPLE_PINHOLE", &[], 1, 70.0, |p| Some(p.extend(1.0))),
     ("PINHOLE", &[], 2, 70.0, |p| Some(p.extend(1.0))),
@@ -130,7 +130,7 @@ const LENSES: [(&str, &[f64], usize, f64, Unproject); 17] = [
                 let factor: f64 = 1.0 + (1..).zip(k).map(|(i, k)| k * t2.powi(i)).sum::<f64>();
                 let m = q * factor;
                 let r2 = m.length_squared();
-                // Its p0 = 0.004 goes with x², its p1 = −0.003 with y².
+                // Its p0 = 0.004 multiplies x², its p1 = −0.003 multiplies y².
                 let prism = DVec2::new(0.006 * r2 + 5e-4 * r2 * r2, -0.005 * r2 + 3e-4 * r2 * r2);
                 m + tangential(m, -0.003, 0.004) + prism
             };
@@ -157,7 +157,7 @@ fn turns() -> [DMat3; 3] {
 fn picture(width: u32, height: u32, rotation: DMat3, ray: impl Fn(DVec2) -> Option<DVec3>) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         let ray = ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-        // Where the lens sees nothing it is white.
+        // White outside of the lens's image.
         let color = ray.map_or([1.0; 3], |ray| sky(rotation.transpose() * ray.normalize()));
         Rgb(color.map(|v| (v * 255.0).round() as u8))
     })
@@ -176,7 +176,7 @@ fn write(folder: &Path, camera: &str, photo: impl Fn(DMat3) -> RgbImage) {
     put(&folder.join("sparse/0/images.txt"), images);
 }
 
-/// The largest error of any pixel that counts, and the share of pixels that do not.
+/// The largest error of a valid pixel, and the fraction of masked pixels.
 fn judge(data: &Dataset) -> (f64, f64) {
     let (mut worst, mut left_out, mut all) = (0.0f64, 0usize, 0usize);
     for (photo, image) in data.photos.iter().zip(data.load_images().unwrap()) {
@@ -219,7 +219,7 @@ fn every_lens_is_taken_out() {
         let across = 2.0 * (0.5 * f64::from(WIDTH) / f.x).atan().to_degrees();
         assert_eq!(text.contains(&format!(", {across:.0}° across")), model.contains("FISHEYE"), "{model}: {text}");
         assert_eq!(data.undistorted, !model.contains("PINHOLE"));
-        // Reduced as well: what is left of a pixel is the mean of its part of the sky.
+        // Downscaled too: a pixel becomes the mean of its part of the sky.
         let small = DatasetOptions { max_size: Some(WIDTH / 2), ..Default::default() };
         let (worst, _) = judge(&Dataset::open(folder.path(), &small).unwrap());
         assert!(worst < TOLERANCE, "{model} {rest:?}, reduced: {worst}");
@@ -244,12 +244,12 @@ fn a_panorama_becomes_the_faces_of_a_cube() {
     let faces = ["front", "right", "back", "left", "up", "down"];
     let expected: Vec<String> = (0..3).flat_map(|i| faces.map(|face| format!("p{i}-{face}.png"))).collect();
     assert_eq!(names, expected);
-    // A photo's faces are all for training or all for testing.
+    // All faces of a photo are in the same split.
     assert_eq!(data.split(Split::Test).map(|(i, _)| i).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 12, 13, 14, 15, 16, 17]);
     assert!(data.notes[0].contains("3 photos of the whole sphere"), "{:?}", data.notes);
     let eyes: Vec<DVec3> = data.photos[..6].iter().map(|photo| photo.camera.eye()).collect();
     assert!(eyes.iter().all(|eye| eye.distance(eyes[0]) < 1e-12));
-    // A face is 64 pixels wide, of 2 a unit on it: as many to a radian in its middle as the panorama has.
+    // A face is 64 pixels wide, with 2 units: in its middle it has the panorama's pixels per radian.
     assert!(data.photos.iter().all(|photo| photo.camera.width == 64 && photo.camera.fx == 32.0));
     let (worst, left_out) = judge(&data);
     assert!(worst < TOLERANCE, "{worst}");

@@ -1,4 +1,4 @@
-//! Real datasets and scenes, read where `../shared/data` is there and skipped with a message where not.
+//! Tests real datasets and scenes from `../shared/data`; skips with a message if they are missing.
 
 mod carving;
 #[path = "../common/mod.rs"]
@@ -51,7 +51,7 @@ fn nerf_synthetic_loads_as_published() {
     let images = data.load_images().unwrap();
     assert_eq!(images.len(), 125);
     assert!(images.iter().all(|image| image.rgb.len() == 200 * 200 * 3 && image.rgb[..3] == [0; 3]));
-    // The cameras stand on a sphere of radius 4.03 about the origin and look at it.
+    // The cameras are on a sphere of radius 4.03 about the origin and look at it.
     let focus = data.focus().unwrap();
     assert!(focus.center.length() < 0.05 && (focus.radius - 4.03).abs() < 0.05, "{focus:?}");
     let cloud = data.random_points(10_000, 3);
@@ -86,7 +86,8 @@ fn colmap_models_load_with_their_points() {
         assert_points_are_seen(&data, 0.2);
         let images = data.load_images().unwrap();
         assert!(images.iter().all(|image| [image.width, image.height] == [width, height]));
-        // Points agree in colour with the pixels they fall on, better than with those of the photo turned upside down.
+        // The colours of points match the pixels at their projections, better than those of the upside-down
+        // photo.
         let (photo, image, cloud) = (&data.photos[5], &images[5], data.points.as_ref().unwrap());
         let (mut right, mut wrong) = (0.0, 0.0);
         for (&p, color) in cloud.positions.iter().zip(&cloud.colors).filter(|(p, _)| sees(&photo.camera, **p)) {
@@ -114,7 +115,7 @@ fn the_fox_is_undistorted_without_a_camera_model() {
     assert_eq!(data.load_images().unwrap().len(), 50);
 }
 
-/// Brush draws its own so that they lie behind the cameras, and never recovers.
+/// In Brush random points lie behind the cameras, and training never recovers.
 #[test]
 fn random_points_lie_before_the_cameras() {
     for name in ["small/fox", "small/horns", "small/bonsai", "small/garden", "small/lego"] {
@@ -135,7 +136,7 @@ fn random_points_lie_before_the_cameras() {
     }
 }
 
-/// The sparse points, which these datasets have, are judge of where the focus is.
+/// The datasets' sparse points are the reference for the focus.
 #[test]
 fn the_focus_is_where_the_sparse_points_are() {
     for name in ["small/horns", "small/bonsai", "small/garden"] {
@@ -148,7 +149,8 @@ fn the_focus_is_where_the_sparse_points_are() {
         };
         let [one, two, three] = [1.0, 2.0, 3.0].map(within);
         eprintln!("{name}: shares of the sparse points in 1, 2, 3 focus radii: {one:.2}, {two:.2}, {three:.2}");
-        // What is in focus is in the ball, the room behind it around the ball: 0.30 and 0.88 for the bonsai.
+        // The object in focus is inside the ball, the room behind it around the ball: 0.30 and 0.88 for the
+        // bonsai.
         assert!(one > 0.25 && three > 0.8, "{name}: {one}, {three}");
     }
 }
@@ -162,7 +164,7 @@ fn the_reference_trainers_scene_comes_back_bit_for_bit() {
     let copy = folder.path().join("copy.ply");
     write_scene(&copy, &scene).unwrap();
     let (a, b) = (std::fs::read(&path).unwrap(), std::fs::read(&copy).unwrap());
-    // Its normals are zero like ours, so the whole files agree.
+    // Both write zero normals, so the whole files are equal.
     assert!(a == b);
     assert_eq!(read_scene(&copy).unwrap(), scene);
 }

@@ -1,4 +1,4 @@
-//! Photos that somebody has reduced already are taken where they have the size asked for, and only there.
+//! Tests that downscaled photos in other folders are used if, and only if, they have the requested size.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use glint::data::{Dataset, DatasetOptions, PixelSource, Reduce};
 use image::{Rgba, RgbaImage};
 use serde_json::json;
 
-/// Nine photos of 40 × 30, each of one colour and listed as PNG; by COLMAP, or by transforms.json.
+/// Nine photos of 40 × 30, each of one colour and listed as PNG; in COLMAP's form, or in transforms.json.
 fn write(root: &Path, colmap: bool) {
     let mut poses = String::new();
     let mut frames = Vec::new();
@@ -31,7 +31,7 @@ fn photos(folder: &Path, ending: &str, size: [u32; 2]) {
     (0..9).for_each(|i| photo(folder, &format!("{i}.{ending}"), size));
 }
 
-/// A photo with an alpha channel where its ending says that there may be one.
+/// A photo, with an alpha channel if its ending allows one.
 fn photo(folder: &Path, name: &str, [width, height]: [u32; 2]) {
     fs::create_dir_all(folder.join("p")).unwrap();
     let image = image::DynamicImage::from(RgbaImage::from_pixel(width, height, Rgba([40, 90, 200, 255])));
@@ -39,7 +39,7 @@ fn photo(folder: &Path, name: &str, [width, height]: [u32; 2]) {
     if name.ends_with("png") { image.save(path) } else { image.into_rgb8().save(path) }.unwrap();
 }
 
-/// The folder that all photos are of, their size, and what is said of it.
+/// The folder of all photos, their size, and the note about it.
 fn opened(root: &Path, options: &DatasetOptions) -> (String, [u32; 2], Option<String>) {
     let data = Dataset::open(root, options).unwrap();
     assert_eq!(data.photos.len(), 9);
@@ -51,7 +51,7 @@ fn opened(root: &Path, options: &DatasetOptions) -> (String, [u32; 2], Option<St
     let (folder, size) = of(&data.photos[0]);
     for photo in &data.photos {
         assert_eq!(of(photo), (folder.clone(), size));
-        // The whole of what the camera sees is there, whatever the size.
+        // The field of view is the same for all sizes.
         let camera = &photo.camera;
         assert!((camera.fx / f64::from(camera.width) - 0.9).abs() < 1e-12, "{camera:?}");
         let image = photo.load([0.0; 3]).unwrap();
@@ -72,7 +72,7 @@ fn photos_that_are_there_at_the_size_asked_for_are_not_reduced_once_more() {
         write(root, colmap);
         photos(&root.join("images_2"), "png", [20, 15]);
         photos(&root.join("images_4"), "png", [10, 7]);
-        // 7.5 rows are 7 of some tools and 8 of others; a folder of a pixel more or less is what was meant.
+        // Some tools round 7.5 rows to 7, others to 8; a difference of one pixel is accepted.
         for (size, place, had) in [
             (9, "images_4", [10, 7]),
             (10, "images_4", [10, 7]),
@@ -86,7 +86,7 @@ fn photos_that_are_there_at_the_size_asked_for_are_not_reduced_once_more() {
             assert_eq!(note.is_some(), place != "images", "--max-size {size}");
             assert!(note.is_none_or(|note| note.contains(place)), "--max-size {size}");
         }
-        // Of files by themselves as of folders.
+        // The same for a file path as for a folder.
         if !colmap {
             assert_eq!(opened(&root.join("transforms.json"), &at(20)).0, "images_2");
         }
@@ -130,7 +130,7 @@ fn a_reduced_folder_that_is_not_the_same_photos_is_passed_over() {
         mask("masks");
         fs::create_dir_all(root.join("masks_2")).unwrap();
     });
-    // Endings differ often enough.
+    // Endings may differ.
     let renamed = with(&|root| {
         for folder in ["images", "images_2"] {
             fs::remove_dir_all(root.join(folder)).unwrap();

@@ -1,4 +1,4 @@
-//! Photographs on the device are what the files hold.
+//! Photographs on the device equal the files' contents.
 
 use glint::data::{Dataset, DatasetOptions, Photo};
 use glint::pipelines::start::upload_photos;
@@ -7,14 +7,14 @@ use image::{Rgba, RgbaImage};
 use crate::common::Gpu;
 use crate::variants::{KINDS, Plain};
 
-/// Red and blue exchanged once went unnoticed, and cost 4 dB.
+/// A regression test: swapped red and blue went unnoticed, and cost 4 dB.
 #[test]
 fn every_channel_of_every_photo_is_where_it_belongs() {
     let gpu = Gpu::new();
     let plain = Plain::new(5, [7, 5], [9.0, 9.0], "sub", 3);
     let folder = tempfile::tempdir().unwrap();
     let (path, options) = KINDS[0].1(&plain, folder.path());
-    // The third photo has a mask, which leaves out every other pixel.
+    // The third photo has a mask that hides every other pixel.
     let checks = image::GrayImage::from_fn(7, 5, |x, y| image::Luma([255 * ((x + y) % 2) as u8]));
     let mask = folder.path().join("masks").join(&plain.names[2]);
     std::fs::create_dir_all(mask.parent().unwrap()).unwrap();
@@ -37,14 +37,15 @@ fn every_channel_of_every_photo_is_where_it_belongs() {
     }
 }
 
-/// Small photos come behind the whole ones, each made of the one twice as large, with the camera of as many pixels.
+/// Small photos follow the full-size ones; each is made from the one twice as large, with a camera of
+/// matching size.
 #[test]
 fn photos_with_halved_sides_are_means_of_their_pixels() {
     let gpu = Gpu::new();
     let plain = Plain::new(3, [12, 6], [9.0, 9.0], "sub", 3);
     let folder = tempfile::tempdir().unwrap();
     let (path, options) = KINDS[0].1(&plain, folder.path());
-    // Of the second photo a pixel is left out, and so whatever is made of it.
+    // The second photo has a masked pixel, and so have its smaller versions.
     let mask = folder.path().join("masks").join(&plain.names[1]);
     std::fs::create_dir_all(mask.parent().unwrap()).unwrap();
     image::GrayImage::from_fn(12, 6, |x, y| image::Luma([255 * u8::from((x, y) != (7, 2))])).save(mask).unwrap();
@@ -54,7 +55,7 @@ fn photos_with_halved_sides_are_means_of_their_pixels() {
     let views = upload_photos(&gpu, &photos, data.background, 2, |_, words| heard += words.len()).unwrap();
     assert_eq!((views.photos, views.halvings(), views.cameras.len(), heard), (3, 2, 9, 3 * 72));
     for photo in 0..3 {
-        // 12 × 6, 6 × 3 and 3 × 2, where rows of the last are one and a half of those before.
+        // 12 × 6, 6 × 3 and 3 × 2; the rows of the last are made of one and a half rows each.
         for (k, [width, height]) in [(1usize, [6u32, 3u32]), (2, [3, 2])] {
             let (view, before) = (photo + 3 * k, photo + 3 * (k - 1));
             let (camera, whole) = (views.cameras[view], views.cameras[photo]);

@@ -1,4 +1,4 @@
-//! One dataset written in all the ways in which datasets come, each of which must load to the same cameras and pixels.
+//! One dataset written in all known forms, each of which must load to the same cameras and pixels.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -18,11 +18,11 @@ pub struct Plain {
     pub points: PointCloud,
 }
 
-/// Where to open a variant, and how.
+/// Path to open for a variant, with options.
 pub type Written = (PathBuf, DatasetOptions);
 
 impl Plain {
-    /// `n` photos of `width` × `height` pixels of noise, of cameras here and there; `folder` is a part of some names.
+    /// `n` photos of noise with `width` × `height` pixels, at random cameras; some names include `folder`.
     pub fn new(n: usize, [width, height]: [u32; 2], focal: [f64; 2], folder: &str, seed: u64) -> Plain {
         let mut state = seed.wrapping_mul(2).wrapping_add(1);
         let mut next = move || {
@@ -41,12 +41,12 @@ impl Plain {
             let turn = DQuat::from_xyzw(signed(), signed(), signed(), 1.5).normalize();
             let (rotation, translation) = (DMat3::from_quat(turn), DVec3::new(signed(), signed(), 3.0 + signed()));
             let [fx, fy] = focal;
-            // Not the middle, and no round number.
+            // Not in the middle, and not a round number.
             let (cx, cy) = (0.5 * f64::from(width) + 0.3 * signed(), 0.5 * f64::from(height) - 0.7 * signed());
             Camera { width, height, fx, fy, cx, cy, rotation, translation }
         });
         let cameras: Vec<Camera> = cameras.collect();
-        // One principal point, as one camera has.
+        // A common principal point, as for a single camera.
         let first = cameras[0];
         let cameras = cameras.into_iter().map(|c| Camera { cx: first.cx, cy: first.cy, ..c }).collect();
         let photos =
@@ -64,7 +64,7 @@ impl Plain {
         }
     }
 
-    /// The one camera's line, of a model and its parameters.
+    /// The line of a single camera with a model and its parameters.
     pub fn cameras_txt(&self, model: &str, params: &[f64]) -> String {
         let Camera { width, height, .. } = self.cameras[0];
         format!("# Camera list\n1 {model} {width} {height} {}\n", words(params))
@@ -75,7 +75,7 @@ impl Plain {
         [fx, fy, cx, cy]
     }
 
-    /// `points` is what stands below each image.
+    /// `points` is the line after each image.
     pub fn images_txt(&self, name: impl Fn(&str) -> String, points: &str) -> String {
         let mut text = String::from("# Image list\n");
         for (i, (camera, original)) in self.cameras.iter().zip(&self.names).enumerate() {
@@ -92,7 +92,7 @@ impl Plain {
         points.map(line).collect()
     }
 
-    /// Text files of a model with this camera.
+    /// Writes a model's text files with this camera.
     fn model(&self, folder: &Path, model: &str, params: &[f64]) {
         put(&folder.join("cameras.txt"), self.cameras_txt(model, params));
         put(&folder.join("images.txt"), self.images_txt(str::to_owned, "\n"));
@@ -127,7 +127,7 @@ impl Plain {
         put(&folder.join("points3D.bin"), points);
     }
 
-    /// A PLY of the points, its colours bytes or floats.
+    /// A PLY of the points, with colours as bytes or floats.
     fn cloud(&self, float: bool) -> String {
         let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", self.points.positions.len());
         text += "property float x\nproperty float y\nproperty float z\n";
@@ -140,7 +140,7 @@ impl Plain {
         text
     }
 
-    /// transforms.json with these members and frames that `frame` may add to.
+    /// transforms.json with these members, and frames that `frame` may extend.
     fn transforms(&self, all: Value, frame: impl Fn(usize, &mut Value)) -> Value {
         let frames: Vec<Value> = (0..self.names.len())
             .map(|i| {
@@ -188,7 +188,7 @@ fn plain(root: &Path) -> Written {
     (root.to_owned(), DatasetOptions::default())
 }
 
-/// The plain form with what `change` does to its files.
+/// The plain form after `change` has edited its files.
 fn changed(plain_form: &Plain, root: &Path, change: impl FnOnce(&Path)) -> Written {
     plain_form.model(&root.join("sparse/0"), "PINHOLE", &plain_form.pinhole());
     plain_form.write_photos(&root.join("images"), str::to_owned);
@@ -196,7 +196,7 @@ fn changed(plain_form: &Plain, root: &Path, change: impl FnOnce(&Path)) -> Writt
     plain(root)
 }
 
-/// The plain form with photos written otherwise.
+/// The plain form with photos written differently.
 fn photos(p: &Plain, root: &Path, write: impl Fn(&RgbImage, &Path)) -> Written {
     p.model(&root.join("sparse/0"), "PINHOLE", &p.pinhole());
     for (photo, name) in p.photos.iter().zip(&p.names) {
@@ -207,7 +207,7 @@ fn photos(p: &Plain, root: &Path, write: impl Fn(&RgbImage, &Path)) -> Written {
     plain(root)
 }
 
-/// A camera model that bends nothing with these parameters.
+/// A camera model whose parameters cause no distortion.
 fn straight(p: &Plain, root: &Path, model: &str, params: &[f64]) -> Written {
     p.model(&root.join("sparse/0"), model, params);
     p.write_photos(&root.join("images"), str::to_owned);
@@ -225,7 +225,7 @@ fn other_ending(name: &str, ending: &str) -> String {
     Path::new(name).with_extension(ending).to_str().unwrap().to_owned()
 }
 
-/// Every 8th by name, as without a list.
+/// Every 8th by name, the default without a list.
 fn test_names(p: &Plain) -> Vec<&str> {
     p.names.iter().step_by(8).map(String::as_str).collect()
 }

@@ -1,4 +1,4 @@
-//! Datasets as they are in the wild.
+//! Tests datasets as found in the wild.
 
 use std::fs;
 
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use crate::variants::{KINDS, Plain, put};
 
-/// Floating-point rounding of poses that went through quaternions or matrices, and of focal lengths that were angles.
+/// Rounding of poses that went through quaternions or matrices, and of focal lengths that were angles.
 const CLOSE: f64 = 1e-11;
 
 #[track_caller]
@@ -16,7 +16,7 @@ fn assert_same(kind: &str, data: &Dataset, plain: &Plain) {
     assert_eq!(data.points.as_ref(), Some(&plain.points), "{kind}");
     let images = data.load_images().unwrap();
     for (i, (photo, image)) in data.photos.iter().zip(&images).enumerate() {
-        // Names may have a folder before them, or lack their ending.
+        // Names may have a leading folder, or lack their ending.
         let stem = plain.names[i].trim_end_matches(".png");
         let name = photo.name.strip_prefix("images/").unwrap_or(&photo.name);
         assert_eq!(name.trim_end_matches(".png"), stem, "{kind}");
@@ -40,7 +40,7 @@ proptest! {
     fn every_kind_of_dataset_loads_to_the_same_cameras_and_pixels(
         (n, width, height) in (4..19usize, 5..17u32, 5..17u32),
         focal in 6.0..30.0f64,
-        // Before zz.png, the photo that is missing: it has a place in the order too.
+        // Sorted before zz.png, the missing photo, which keeps its place in the order.
         folder in "[a-y][a-z]{0,7}( [a-z]{1,4})?",
         seed: u64,
     ) {
@@ -58,7 +58,7 @@ fn plain() -> Plain {
     Plain::new(10, [8, 6], [9.0, 9.0], "sub", 1)
 }
 
-/// Opens a kind by name; the dataset's notes.
+/// Opens a kind by name; returns the dataset's notes.
 fn notes(kind: &str) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     let (_, write) = KINDS.iter().find(|(name, _)| *name == kind).unwrap();
@@ -95,7 +95,7 @@ fn what_was_done_to_load_a_dataset_is_told() {
         assert_eq!(notes.is_empty(), parts.is_empty(), "{kind}: {notes:?}");
         let text = notes.join("; ");
         parts.iter().for_each(|part| assert!(text.contains(part), "{kind}: `{part}` is not in: {text}"));
-        // Nothing is told twice, and no more than what there is.
+        // No note is repeated, and there are no unexpected notes.
         let two = kind.contains("photo in input") || kind.contains("in both") || kind.contains("nerfstudio's lists");
         assert!(notes.len() <= 1 + usize::from(two), "{kind}: {notes:?}");
     }
@@ -118,7 +118,7 @@ fn masks_that_belong_to_no_photo_are_told() {
     }
 }
 
-/// A folder that nerfstudio made has the model it was made from in colmap/, and is its transforms.json.
+/// In a folder from nerfstudio, transforms.json is the dataset; the model in colmap/ is its source.
 #[test]
 fn of_a_model_and_a_transforms_file_the_one_that_is_the_datasets_own_is_read() {
     let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
@@ -136,7 +136,7 @@ fn of_a_model_and_a_transforms_file_the_one_that_is_the_datasets_own_is_read() {
     assert!(data.notes.join(" ").contains("transforms.json beside it is not"), "{:?}", data.notes);
 }
 
-/// A photo that is found under another spelling is not one that another name means.
+/// A photo found under another spelling must not be the file of another name.
 #[test]
 fn two_names_do_not_share_a_file() {
     let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
@@ -159,7 +159,7 @@ fn a_principal_point_that_is_nowhere_near_the_picture_is_said() {
         notes[0].contains("10 photos") && notes[0].contains("(-500, 3)") && notes[0].contains("8 × 6"),
         "{notes:?}"
     );
-    // Intrinsics of photos twice as large, whose size is not said.
+    // Intrinsics of photos twice as large, without a size.
     let folder = tempfile::tempdir().unwrap();
     let (_, write) = KINDS.iter().find(|(name, _)| *name == "nerfstudio").unwrap();
     write(&plain, folder.path());
@@ -172,7 +172,8 @@ fn a_principal_point_that_is_nowhere_near_the_picture_is_said() {
     assert!(error.contains("(8, 6)") && error.contains("add `w` and `h`"), "{error}");
 }
 
-/// It was taken for NeRF Synthetic, and points were drawn from a cube that no camera looked at: 14.94 dB for 19.93.
+/// A regression test: it was taken for NeRF Synthetic, and points were drawn from a cube outside of all
+/// views: 14.94 dB instead of 19.93.
 #[test]
 fn an_angle_for_a_focal_length_makes_no_blender_scene() {
     let folder = tempfile::tempdir().unwrap();
@@ -222,7 +223,7 @@ fn a_split_that_is_asked_for_counts_more_than_lists() {
     assert_eq!(tests(Holdout::Dataset), (2, 10));
     assert_eq!(tests(Holdout::Every(3)), (4, 10));
     assert_eq!(tests(Holdout::Nothing), (0, 10));
-    // Those in neither list are left out.
+    // Photos in neither list are left out.
     put(&folder.path().join("train.txt"), "p02.png\np04.png\nnobody.png");
     let data = Dataset::open(&path, &DatasetOptions::default()).unwrap();
     assert_eq!((data.split(Split::Train).count(), data.split(Split::Test).count()), (2, 2));

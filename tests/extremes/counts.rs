@@ -1,4 +1,4 @@
-//! How many there are, in which order, and in how large an image.
+//! Extreme numbers of Gaussians and intersections, orders of depths, and sizes of images.
 
 use std::iter;
 
@@ -70,14 +70,14 @@ fn an_empty_view_is_the_background_and_not_the_last_image() {
     assert_eq!(probe.shoot(&scene, &camera, &zeros).bits(), seen.bits());
 }
 
-/// 4.3 million Gaussians are more workgroups of 64 than a dimension of a dispatch has.
+/// 4.3 million Gaussians need more workgroups of 64 than a dimension of a dispatch allows.
 #[test]
 fn more_gaussians_than_one_dimension_of_a_dispatch_has_groups() {
     let gpu = Gpu::new();
     let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..camera_at(DVec3::ZERO, 16, 16) };
     let seen = [0usize, 4_194_239, 4_194_240, 4_194_241, 4_199_999];
     let count = 4_200_000;
-    // Only the geometry is large; one plane of zeros is what most of them are: at the camera, hence not seen.
+    // Only the geometry is large. Most Gaussians are zeros, so at the camera and not visible.
     let mut base = glint::scene::Gaussians { sh_degree: 0, ..Default::default() };
     base.means = vec![[0.0; 3]; count];
     base.log_scales = vec![[-3.0; 3]; count];
@@ -89,7 +89,8 @@ fn more_gaussians_than_one_dimension_of_a_dispatch_has_groups() {
     }
     let scene = Scene { base, ..Default::default() };
     let views = Views::upload(&gpu, &[camera], &[]).unwrap();
-    // 11 planes of 4.2 million floats are 185 MB: more than the least buffer that Vulkan allows, so they lie in pages.
+    // 11 planes of 4.2 million floats are 185 MB: more than the smallest guaranteed buffer of Vulkan, so they
+    // use several pages.
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let pages = model.pages(Segment::Base).count();
     assert!(pages > 1 || gpu.info().max_storage_bytes >= 11 * 4 * count as u64);
@@ -111,14 +112,15 @@ fn ten_thousand_at_one_depth_are_drawn_in_the_order_of_their_indices() {
         (x, y, 4.0, px)
     });
     scene.base.means.iter_mut().for_each(|m| m[2] = 4.0);
-    // The twin orders equal depths by index; its margins for order are 0 everywhere, so all else is asked of it here.
+    // The twin orders equal depths by index; its margins of order are 0 everywhere, so only its other results
+    // are compared here.
     let twin = probe.twin(&scene, &camera, 1e-4);
     let zeros = vec![[0.0; 3]; camera.pixels() as usize];
     let shot = probe.shoot(&scene, &camera, &zeros);
     let mut off = 0;
     for (p, want) in twin.rendered.blended.image.iter().enumerate() {
         let difference = (0..4).map(|c| (f64::from(shot.image[p][c]) - want[c]).abs()).fold(0.0, f64::max);
-        // An α met at 1/255 changes a pixel by at most that much.
+        // An α that differs at 1/255 changes a pixel by at most that.
         assert!(difference < 1.1 / 255.0, "pixel {p} is off by {difference}");
         off += u32::from(difference > 1e-4);
     }
@@ -133,11 +135,12 @@ fn five_thousand_deep_on_one_pixel() {
     let gpu = Gpu::new();
     let camera = camera_at(DVec3::ZERO, 8, 8);
     let mut probe = Probe::new(&gpu, 5000, &camera, Setup::default());
-    // Opacity 0.0055: the last is still seen through all others, T = 0.9945^3000 or so.
+    // Opacity 0.0055: the last layer is still visible through all others, T = 0.9945^3000 or so.
     for (logit, what) in [(-5.2f32, "5,000 thin layers"), (-1.0, "5,000 layers")] {
         let scene =
             cloud(&camera, 5000, logit, |i| (4.1, 3.9, 1.0 + 0.01 * ((i * 2741) % 5000) as f64, 2.0 + (i % 7) as f64));
-        // Pixels with thousands of Gaussians are all near some threshold; a hundredth of the usual margin leaves most of them.
+        // Pixels with thousands of Gaussians are all near some threshold; a hundredth of the usual margin
+        // keeps most of them.
         check(&mut probe, &camera, &scene, what, 1e-6, 1e-4, 1e-3);
     }
 }
@@ -147,7 +150,7 @@ fn one_tile_receives_every_gaussian() {
     let gpu = Gpu::new();
     let camera = usual();
     let mut probe = Probe::new(&gpu, 40_000, &camera, Setup::default());
-    // 40,000 splats narrower than a tile, all in one of 63: each pixel has its own few thousand.
+    // 40,000 splats narrower than a tile, all in one of 63: each pixel has a few thousand of its own.
     let scene = cloud(&camera, 40_000, -5.0, |i| {
         let (x, y, z, _) = scattered(i);
         (32.0 + 8.0 * x / f64::from(WIDTH), 24.0 + 8.0 * y / f64::from(HEIGHT), z + 1e-4 * i as f64, 0.3)
@@ -169,14 +172,14 @@ fn images_of_1_by_1_and_17_by_3_and_4097_by_5() {
     }
 }
 
-/// Eight Gaussians that fill an image of 3840 × 2160: 1,036,800 intersections, 129,600 of each. llvmpipe ends loops after 65,535
-/// iterations: emission, and the sums over a Gaussian's slots, must make fewer.
+/// Eight Gaussians that fill an image of 3840 × 2160: 1,036,800 intersections, 129,600 of each. llvmpipe ends
+/// loops after 65,535 iterations: emission, and the sums over a Gaussian's slots, must need fewer.
 #[test]
 fn gaussians_that_fill_a_4k_image_have_all_their_tiles_and_gradients() {
     let gpu = Gpu::new();
     let camera = camera_at(DVec3::ZERO, 3840, 2160);
     let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    // Wider than the image by so much that each has one α everywhere.
+    // So much wider than the image that each has one α everywhere.
     let scene = cloud(&camera, 8, -2.0, |i| (1920.0, 1080.0, 3.0 + i as f64, 3e6));
     let ones = vec![[1.0, 0.5, 0.25]; camera.pixels() as usize];
     let shot = probe.shoot(&scene, &camera, &ones);
@@ -203,12 +206,13 @@ fn emit_spec(direct: bool) -> emit::Spec {
     emit::Spec { workgroup_size: WORKGROUP, tile_width: 8, tile_height: 8, batch: false, direct, packed_splats: false }
 }
 
-/// `dispatch_args` has told the host by then; what lies behind the buffers' room must stay what it is until they have grown.
+/// `dispatch_args` has reported the overflow by then; memory beyond the buffers' room must stay untouched
+/// until they have grown.
 #[test]
 fn what_does_not_fit_is_not_emitted() {
     let gpu = Gpu::new();
     let frame = Frame { image_first: 0, target_first: 0, width: 256, height: 256 };
-    // One of a few rows of tiles, and one of all 32, whose slots begin at 100.
+    // One splat of a few rows of tiles, and one of all 32, with slots from 100 on.
     let splat = |l: f32| Splat { shape: [l, 0.0, l, 0.5], centre: [128.0, 128.0] };
     let words = |name: &str, data: &[u32]| Buffer::from_slice(&gpu, name, data).unwrap();
     for (direct, capacity) in [(true, 2), (true, 500), (false, 2), (false, 500)] {
@@ -251,13 +255,15 @@ fn what_does_not_fit_is_not_emitted() {
     }
 }
 
-/// Projection counts, emit lists: where they differ by some tiles, nothing lies in a neighbour's slot and no slot is left as it was.
+/// Projection counts tiles, emit lists them: if they differ by some tiles, no entry lands in a neighbour's
+/// slot and no slot keeps old data.
 #[test]
 fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
     let gpu = Gpu::new();
     let frame = Frame { width: 256, height: 256, ..Default::default() };
     let tiling = Tiling { width: 256, height: 256, tile_width: 8, tile_height: 8, tiles_x: 32, tiles_y: 32 };
-    // By turns one of a few rows of tiles, which its own lane lists, and one of all 32, which its subgroup does.
+    // Alternately a splat of a few rows of tiles, listed by its own lane, and one of all 32, listed by its
+    // subgroup.
     let splat = |i: u32| {
         let (x, l) = (20.3 + 20.0 * i as f32, if i.is_multiple_of(2) { 0.5 } else { 1e-6 });
         Splat { shape: [l, 0.0, l, 0.5], centre: [x, 100.7] }
@@ -322,13 +328,13 @@ fn a_count_of_tiles_that_differs_from_what_is_listed_harms_no_neighbour() {
     }
 }
 
-/// 60 Gaussians that fill an image, more intersections than a trainer of so few has room for at first; and the same with so many
-/// unseen ones that there is room from the start.
+/// 60 Gaussians that fill an image, more intersections than a trainer of 60 has room for at first; and the
+/// same with enough invisible ones to give room from the start.
 #[test]
 fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
     let gpu = Gpu::new();
     let camera = camera_at(DVec3::new(0.4, -0.3, 0.2), 512, 384);
-    // The second sees them as points, so that some steps fit and others do not.
+    // The second camera sees them as points, so that some steps fit and others do not.
     let far = Camera { translation: camera.translation + DVec3::new(0.0, 0.0, 3000.0), ..camera };
     let photographs: Vec<Vec<u8>> = [60, 200].map(|c| vec![c; 3 * camera.pixels() as usize]).into();
     let filling = cloud(&camera, 60, -2.0, |i| (256.0 + i as f64, 192.0, 3.0 + 0.1 * i as f64, 1000.0));
@@ -347,10 +353,10 @@ fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
         let session = Session { background: BACKGROUND, extent: 2.0, seed: 7, ..session(&gpu) };
         let options = BaseOptions { iterations: 8, sh_degree: 0, ..Default::default() };
         let mut trainer = base_trainer(&session, &model, &views, &options).unwrap();
-        // Its maps are learned too, and must not move while nothing else does.
+        // Its maps are learned too, and must not move in steps that did not fit.
         trainer.correct_exposure(&session, &views).unwrap();
         let report = trainer.run(&model, &views, true, |_| ()).unwrap();
-        // Times are of submissions that did fit, and where the only timed one did not, the next was timed.
+        // Only submissions that fitted are timed; if the only timed one did not fit, the next was timed.
         assert!(!report.steps.stages.is_empty());
         let maps = trainer.exposures().unwrap().unwrap();
         let base = model.download().unwrap().base;
@@ -364,8 +370,8 @@ fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
     assert!(trained[0].3 != filling.base.opacities);
 }
 
-/// Of Gaussians that may come there is room for one intersection each, in whose memory they are sorted, and not for four: these would be
-/// 332 bytes in place of 212.
+/// Future Gaussians get room for one intersection each, used by their sort too, instead of four, for 212
+/// bytes per Gaussian instead of 332.
 #[test]
 fn a_trainer_begins_with_room_for_what_is_there() {
     let gpu = Gpu::new();
@@ -382,16 +388,16 @@ fn a_trainer_begins_with_room_for_what_is_there() {
         drop(trainer);
         taken
     };
-    // Splats and moments are by Gaussian, too. Blocks of memory are counted whole.
+    // Splats and moments are per Gaussian too. Memory is counted in whole blocks.
     let more = taken(room) - taken(0);
     assert!(more < 220 * u64::from(room), "{more} bytes");
 }
 
-/// Memory that ends in the middle of a run: an error, and what was learned until then is there to go on with.
+/// If memory runs out in the middle of a run, it is an error, and the result so far can be resumed.
 #[test]
 fn training_that_runs_out_of_memory_keeps_what_it_learned() {
     let camera = camera_at(DVec3::new(0.4, -0.3, 0.2), 512, 384);
-    // The first sees them as points: its steps fit.
+    // The first camera sees them as points: its steps fit.
     let far = Camera { translation: camera.translation + DVec3::new(0.0, 0.0, 3000.0), ..camera };
     let photographs: Vec<Vec<u8>> = [60, 200].map(|c| vec![c; 3 * camera.pixels() as usize]).into();
     let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
@@ -428,24 +434,24 @@ fn training_that_runs_out_of_memory_keeps_what_it_learned() {
     assert!(matches!(&error, Error::Gpu(gpu) if gpu.is_no_room()) && error.exit_code() == 1, "{error}");
     let kept = cut.checkpoint(&tight_model, &tight_views).unwrap();
     assert_eq!(kept.step, 5);
-    // Where there is room it goes on as if nothing had been.
+    // With enough room it resumes as if nothing had happened.
     let (mut on, model, views) = trainer(&roomy);
     on.resume(&model, &kept, false).unwrap();
     while on.advance(&model, &views).unwrap().is_some() {}
     assert!(model.download().unwrap() == want);
 }
 
-/// A training that nearly fills its room is given more before it fails; where there is no more to be had it goes on in what it has,
-/// with the same bits: nothing is added up by atomics for what may never come.
+/// A training run that nearly fills its room gets more before it fails. If there is no more, it continues in
+/// its room with the same bits: it does not switch to atomics for intersections that may never come.
 #[test]
 fn training_that_nearly_fills_its_room_goes_on_in_it_where_there_is_no_more() {
     let camera = camera_at(DVec3::new(0.4, -0.3, 0.2), 512, 384);
     let far = Camera { translation: camera.translation + DVec3::new(0.0, 0.0, 3000.0), ..camera };
     let photographs: Vec<Vec<u8>> = [60, 200].map(|c| vec![c; 3 * camera.pixels() as usize]).into();
     let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
-    // Unseen ones make room for four intersections each.
+    // Invisible Gaussians make room for four intersections each.
     let (unseen, behind) = (100_000, camera.unproject(256.0, 192.0, -1e4).as_vec3().to_array());
-    // Three submissions, the first and the last step of which take 97 % of the room.
+    // Three submissions; the first and the last step use 97 % of the room.
     let mut schedule = vec![1; 40];
     (schedule[0], schedule[39]) = (0, 0);
     let trainer = |gpu: &Gpu| {
@@ -467,7 +473,8 @@ fn training_that_nearly_fills_its_room_goes_on_in_it_where_there_is_no_more() {
         trainer.start(false).unwrap();
         (trainer, model, views)
     };
-    // All but `left` bytes of the budget are taken once there is a trainer, as making one takes more than it keeps.
+    // After the trainer is made, all but `left` bytes of the budget are taken, since making it needs more
+    // than it keeps.
     let budget = 128 << 20;
     let run = |left: Option<u64>| {
         let gpu = &Gpu::with(ContextOptions { memory_budget: Some(budget), ..ContextOptions::from_env() });
@@ -487,26 +494,26 @@ fn training_that_nearly_fills_its_room_goes_on_in_it_where_there_is_no_more() {
     let (before, after) = (roomy.3, roomy.4);
     assert!(roomy.0 == 1 && after > before);
     println!("{before} bytes before growth, {after} after");
-    // The lists by intersection would find room, the records would not.
+    // The lists by intersection would fit, the records would not.
     let tight = run(Some((after - before) * 4 / 5));
     assert_eq!(tight.0, 0);
-    // Records by Gaussian would take less.
+    // Records by Gaussian would need less.
     assert!(tight.4 >= tight.3, "{} bytes before, {} after", tight.3, tight.4);
     assert!(tight.1 == roomy.1 && tight.2 == roomy.2);
 }
 
-/// Steps that ask for intersections and do nothing else.
+/// Steps that only ask for intersections.
 struct Asking {
     asks: Buffer<u32>,
     count: Buffer<u32>,
     args: Buffer<u32>,
     stage: dispatch_args::Stage,
     room: u32,
-    /// For so many there can be room at most.
+    /// Maximum possible room.
     most: u32,
-    /// The steps that were recorded.
+    /// The recorded steps.
     recorded: Vec<u32>,
-    /// What there was to be room for: early, how much.
+    /// Calls for more room: whether ahead of time, and the number needed.
     grown: Vec<(bool, u32)>,
 }
 
@@ -568,36 +575,38 @@ impl Looped for Asking {
 #[test]
 fn room_is_made_before_a_step_fails_and_not_in_vain() {
     let gpu = Gpu::new();
-    // 20 steps in submissions of two, two of which are on their way; the first two are of one, as nothing is known of them.
+    // 20 steps in submissions of two, two of them in flight; the first two submissions have one step, as
+    // their duration is unknown.
     let run = |asks: [u32; 20], most, total| {
         let mut work = Asking::new(&gpu, &asks, most);
         let done = Steps::new(&gpu, 2).unwrap().run(total, false, &mut work, |_| ());
         (work.grown, work.recorded, done.map(|report| report.grown).ok())
     };
     let each: Vec<u32> = (0..20).collect();
-    // 88 leave an eighth of the room; 89 do not, and nor do those that come.
+    // 88 leave an eighth of the room; 89 do not, nor do the following steps.
     assert_eq!(run([88; 20], 1000, 20), (vec![], each.clone(), Some(0)));
     let mut asks = [89; 20];
     assert_eq!(run(asks, 1000, 20), (vec![(true, 89)], each.clone(), Some(1)));
     asks[9..].fill(99);
     assert_eq!(run(asks, 1000, 20), (vec![(true, 89), (true, 99)], each.clone(), Some(2)));
-    // Nothing comes after what is on its way.
+    // No steps remain after those in flight.
     assert_eq!(run(asks, 1000, 2), (vec![], each[..2].to_vec(), Some(0)));
-    // What there is suffices, and is asked for once more than it has.
+    // The room suffices, and only one request for more is made.
     assert_eq!(run(asks, 100, 20), (vec![(true, 89)], each.clone(), Some(0)));
-    // It does not: the two submissions that step 12 stops are done again, and there is no room for them.
+    // It does not suffice for step 12: the submissions that this step stops cannot be repeated, and the loop
+    // fails.
     asks[12] = 120;
     let (grown, recorded, done) = run(asks, 100, 20);
     assert_eq!((grown, recorded, done), (vec![(true, 89), (false, 120)], each[..16].to_vec(), None));
-    // Without room made in time.
+    // Without room made ahead of time.
     let mut asks = [50; 20];
     asks[12] = 120;
     let again: Vec<u32> = (0..16).chain(12..20).collect();
     assert_eq!(run(asks, 1000, 20), (vec![(false, 120)], again, Some(1)));
 }
 
-/// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, more workgroups of 64 than the 65,535 of a dimension, in
-/// buffers that every device has, and 65 times as many as there was room for at first.
+/// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, more workgroups of 64 than the
+/// 65,535 of a dimension, in buffers within every device's limit. That is 65 times the initial room.
 #[test]
 fn more_intersections_than_one_dimension_of_a_dispatch_has_groups() {
     let gpu = Gpu::new();
@@ -616,8 +625,9 @@ fn more_intersections_than_one_dimension_of_a_dispatch_has_groups() {
     }
 }
 
-/// 34,000 Gaussians that fill 3840 × 2160 pixels, in tiles of 8 × 8 4.4e9 intersections, 1.1e8 beyond what 32 bits count: an
-/// error, not the image of 1.1e8, nor a loop that never has room enough. Larger tiles too need more than the 4 GiB that can be bound.
+/// 34,000 Gaussians that fill 3840 × 2160 pixels: 4.4e9 intersections in tiles of 8 × 8, 1.1e8 more than 32
+/// bits can count. This must be an error, not an image of 1.1e8 intersections, nor an endless loop of growth.
+/// Larger tiles also need more than the 4 GiB that can be bound.
 #[test]
 fn more_intersections_than_can_be_counted_are_an_error() {
     let gpu = Gpu::new();
@@ -631,8 +641,9 @@ fn more_intersections_than_can_be_counted_are_an_error() {
     assert!(matches!(error, glint::Error::Gpu(glint::gpu::GpuError::BufferTooLarge { .. })), "{error}");
 }
 
-/// 1.5 million Gaussians with all bands: 290 MB of harmonics and twice that of their moments, in pages where 128 MiB are bound at
-/// once. Ten steps take all of them through render, gradient and Adam; those in view learn, in the last page too.
+/// 1.5 million Gaussians with all bands: 290 MB of harmonics and twice that for their moments, in pages if
+/// the limit for one buffer is 128 MiB. Ten steps run render, gradient and Adam on all of them; visible ones
+/// learn, also in the last page.
 #[test]
 fn one_and_a_half_million_gaussians_of_degree_3_train() {
     let gpu = Gpu::new();
@@ -641,7 +652,7 @@ fn one_and_a_half_million_gaussians_of_degree_3_train() {
     let mut scene = cloud(&camera, 1, -1.0, |_| (80.0, 60.0, 3.0, 1.0));
     let base = &mut scene.base;
     base.sh_degree = 3;
-    // One in fifty is in view, far enough apart that all have their pixels.
+    // One in fifty is in view, far enough apart that each has its own pixels.
     let mean = |i: usize| {
         let (x, y, z, _) = scattered(i);
         let far = if i.is_multiple_of(50) { 1.0 } else { -1.0 };

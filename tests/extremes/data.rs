@@ -1,4 +1,4 @@
-//! What is NaN, and gradients so large that their squares overflow.
+//! NaN and infinite inputs, and gradients with squares beyond float32.
 
 use glint::{reference::random_scene, scene::layout};
 
@@ -10,7 +10,8 @@ use super::{
     usual,
 };
 
-/// Every parameter of one Gaussian, base and supplementary, is in turn not a number: all that is not its own stays the same to the last bit.
+/// Every parameter of a base and of a supplementary Gaussian becomes non-finite in turn: all other results
+/// stay the same to the last bit.
 #[test]
 fn what_is_nan_stays_where_it_is() {
     let gpu = Gpu::new();
@@ -24,7 +25,7 @@ fn what_is_nan_stays_where_it_is() {
         .filter(|&j| reference.tile_counts[160 + j] > 0)
         .max_by_key(|&j| reference.tile_counts[160 + j])
         .unwrap();
-    // A Gaussian of opacity 0 is not there.
+    // A Gaussian with opacity 0 counts as missing.
     let mut without = clean.clone();
     without.base.opacities[base] = -100.0;
     without.supplement.as_mut().unwrap().gaussians.opacities[extra] = -100.0;
@@ -74,7 +75,8 @@ fn what_is_nan_stays_where_it_is() {
                 _ if field < 14 => continue,
                 _ => supplement.lobes.directions[extra][1] = bad,
             }
-            // +∞ of a logit is an opacity of 1, −∞ of a log scale a size of 0: these have a meaning, and draw.
+            // A logit of +∞ is an opacity of 1, and a log scale of −∞ a size of 0: these are meaningful and
+            // drawn.
             if bad == f32::INFINITY && field % 14 == 10 || bad == f32::NEG_INFINITY && (3..6).contains(&(field % 14)) {
                 let shot = probe.shoot(&scene, &camera, &image_grad);
                 assert!(shot.image.iter().flatten().all(|x| x.is_finite()), "{bad} in field {field}");
@@ -107,7 +109,7 @@ fn what_is_nan_stays_where_it_is() {
     println!("{poisoned} poisoned scenes");
 }
 
-/// A loss that is steeper than float32's squares: Adam must move by its rate, not by rate · g / ∞.
+/// The loss is steeper than float32's squares: Adam must move by its rate, not by rate · g / ∞.
 #[test]
 fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     let gpu = Gpu::new();
@@ -118,14 +120,14 @@ fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     let shot = probe.shoot(&before, &camera, &steep);
     assert!(shot.is_finite() && shot.gradients.geometry[layout::OPACITY * 2].abs() > 1e20);
     assert_one_step(&shot, &before, "steep");
-    // And what is not finite leaves its Gaussian as it is.
+    // A non-finite gradient leaves its Gaussian unchanged.
     let mut broken = vec![[0.0; 3]; camera.pixels() as usize];
     broken[25 * WIDTH as usize + 30] = [f64::NAN, 0.0, 0.0];
     assert_eq!(probe.shoot(&before, &camera, &broken).stepped, before);
-    // Out of packed records too.
+    // Also with packed records.
     let mut packed = Probe::new(&gpu, 8, &camera, Setup { packed: true, ..Default::default() });
     assert_eq!(packed.shoot(&before, &camera, &broken).stepped, before);
-    // Of those that learn their opacity alone too.
+    // Also for Gaussians that only learn opacities.
     let mut frozen = Probe::new(&gpu, 8, &camera, Setup { opacity_only: true, ..Default::default() });
     assert_eq!(frozen.shoot(&before, &camera, &broken).stepped, before);
     let moved = frozen.shoot(&before, &camera, &steep).stepped.base;

@@ -1,4 +1,4 @@
-//! Where Gaussians are, how large and how long.
+//! Extreme positions, sizes and lengths of Gaussians.
 
 use glam::DVec3;
 use glint::{
@@ -56,9 +56,9 @@ fn needles_and_pancakes_to_1e7() {
                 let blob =
                     Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale, quat, logit: 2.0, ..Default::default() };
                 let what = format!("needle {scale:?} turn {n}, compensated {compensate}");
-                // Beyond 1e5 px of length the direction itself is the bound: float32 has it to 1e-7 rad, which over the 50 px
-                // in view is 1e-5 px of a width of 0.55 px: 1e-5 of the image, and 1e-3 of gradients that are
-                // differences of two edges.
+                // Beyond a length of 1e5 px the direction itself limits the precision: float32 has 1e-7 rad,
+                // over the 50 px in view 1e-5 px of a width of 0.55 px. That is 1e-5 of the image, and 1e-3
+                // of gradients that are differences of two edges.
                 let gradient = if scale[0] / scale[2] > 1e6 && scale[0] > 10.0 { 2e-3 } else { 1e-4 };
                 check(&mut probe, &camera, &scene(&[near, blob, far]), &what, 1e-4, 2e-5, gradient);
             }
@@ -86,7 +86,7 @@ fn centres_beside_behind_and_around_the_camera() {
         ("far away", 36.5, 28.5, 1e6, 1e3),
     ] {
         let blob = Blob { mean: camera.unproject(x, y, z), scale: [s, 0.8 * s, 0.6 * s], ..Default::default() };
-        // A centre 1e6 px away has 0.1 px of rounding.
+        // A centre 1e6 px away is rounded to 0.1 px.
         let gradient = if x.abs() > 1e5 { 1e-3 } else { 1e-4 };
         check(&mut probe, &camera, &scene(&[near, blob, far]), what, 1e-4, 1e-5, gradient);
     }
@@ -100,7 +100,7 @@ fn a_centre_on_the_near_plane_or_behind_it_is_not_seen() {
     let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let alone = probe.shoot(&scene(&company), &camera, &image_grad);
-    // With this pose camera z is the mean's own z: 0.2f32 is on the plane to the last bit.
+    // With this pose, camera z equals the mean's own z: 0.2f32 is exactly on the plane.
     for (z, seen) in [
         (0.2f32, false),
         (0.2f32.next_up(), true),
@@ -119,12 +119,12 @@ fn a_centre_on_the_near_plane_or_behind_it_is_not_seen() {
     }
 }
 
-/// Two scenes that hold the same in other units: 1e6 units from the origin, and 1e-4 units large.
+/// One scene in other units: 1e6 units from the origin, and 1e-4 units large.
 #[test]
 fn a_scene_far_from_its_origin_is_drawn_from_its_middle() {
     let gpu = Gpu::new();
     let near = usual();
-    // What float32 has at 1e6, so that the means themselves lose nothing.
+    // Multiples of float32's step at 1e6, so that the means themselves lose nothing.
     let offset = DVec3::new(1048576.0, -524288.0, 2097152.0);
     let snap = |p: DVec3| (p * 4.0).round() / 4.0;
     let blobs = |by: DVec3| -> Vec<Blob> {
@@ -165,11 +165,11 @@ fn a_scene_far_from_its_origin_is_drawn_from_its_middle() {
     );
     assert!(d.image < 1e-5 && d.worst() < 1e-4 && n.image > 1e-3);
     assert_eq!(want.tile_counts, got.tile_counts);
-    // What the upload moved the download moves back.
+    // Download reverts the shift of the upload.
     let original = scene(&blobs(offset));
     let model = Model::upload_around(&gpu, origin, &original, Room::default()).unwrap();
     assert_eq!(model.download().unwrap(), original);
-    // Model and views that count from different places are refused.
+    // A model and views with different origins are refused.
     let views = Views::upload(&gpu, &[near], &[]).unwrap();
     let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, Default::default()).unwrap();
     assert!(renderer.render(&model, &views, 0, BACKGROUND).is_err());
@@ -199,19 +199,19 @@ fn what_leaves_float32_on_the_way_is_not_seen() {
     let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let alone = probe.shoot(&scene(&company), &camera, &image_grad);
-    // Axes of 1.5e9 px are within it, ends 5e9 px away beyond any int: it fills the image.
+    // Axes of 1.5e9 px fit into an int, ends at 5e9 px do not: it fills the image.
     let wide = Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e8; 3], ..company[0] };
     let shot = probe.shoot(&scene(&[company[0], company[1], wide]), &camera, &image_grad);
     let tile = probe.options();
     assert_eq!(shot.tile_counts[2], WIDTH.div_ceil(tile.tile_width) * HEIGHT.div_ceil(tile.tile_height));
-    // A mean whose camera z is beyond 3.4e38 while its x and y are not: no component of the axis is near 1.
+    // A mean with camera z beyond 3.4e38 while its x and y are within: no component of the axis is near 1.
     let beyond = 3.6e38 * camera.rotation.row(2);
     for blob in [
         Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e9; 3], ..company[0] },
         Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e30; 3], ..company[0] },
         Blob { mean: camera.unproject(36.0, 28.0, 4.0), scale: [1e38, 1e-30, 1e38], ..company[0] },
         Blob { mean: beyond, ..company[0] },
-        // Nor is a place that is beyond it while z is not.
+        // Nor is a position beyond it while z is within.
         Blob { mean: 3.6e38 * camera.rotation.row(0) + 1e38 * camera.rotation.row(2), ..company[0] },
         Blob { mean: 3.6e38 * camera.rotation.row(1) + 1e38 * camera.rotation.row(2), ..company[0] },
     ] {

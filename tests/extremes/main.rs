@@ -1,4 +1,5 @@
-//! Inputs at and beyond what a scene usually holds: each has an outcome, written in docs/extremes.md, and a test here.
+//! Inputs at and beyond the usual ranges of a scene: each has an outcome, documented in docs/extremes.md, and
+//! a test here.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -25,7 +26,7 @@ use probe::{BACKGROUND, Blob, Probe, RATES, Shot, camera_at, distance, scene};
 const WIDTH: u32 = 72;
 const HEIGHT: u32 = 56;
 
-/// Where Adam's first step must have gone: the rate times g / (|g| + 1e-15), whatever the gradient's size.
+/// Checks Adam's first step: the rate times g / (|g| + 1e-15), for any size of the gradient.
 fn assert_one_step(shot: &Shot, before: &Scene, what: &str) {
     let [old, new] = [before, &shot.stepped].map(|scene| Params::from_scene(scene).unwrap());
     let g = &shot.gradients;
@@ -38,7 +39,8 @@ fn assert_one_step(shot: &Shot, before: &Scene, what: &str) {
             let range = PlaneRate::of(&group, group.planes.start + i / count, rate).range;
             let range = range.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
             let want = (old - rate * g / (g.abs() + 1e-15)).clamp(range.0, range.1);
-            // Two roundings of the parameter; Adam's own arithmetic, and square roots of denormal squares for |g| < 1e-17.
+            // Two roundings of the parameter; Adam's own arithmetic, and square roots of denormal squares for
+            // |g| < 1e-17.
             let tolerance = 2e-7 * old.abs() + if g.abs() < 1e-16 { rate } else { 1e-4 * rate };
             assert!(
                 (new - want).abs() <= tolerance,
@@ -73,7 +75,7 @@ fn usual() -> Camera {
     camera_at(DVec3::new(0.4, -0.3, 0.2), WIDTH, HEIGHT)
 }
 
-/// Two ordinary Gaussians before which the extreme one stands or behind which it lies.
+/// Two ordinary Gaussians, one in front of the extreme one and one behind it.
 fn company(camera: &Camera) -> [Blob; 2] {
     let near = Blob { mean: camera.unproject(30.0, 25.0, 3.0), scale: [0.3, 0.2, 0.25], ..Default::default() };
     let far = Blob {
@@ -91,7 +93,7 @@ fn assert_background(shot: &Shot) {
     assert!(shot.image.iter().all(|p| *p == [r, g, b, 1.0]));
 }
 
-/// A scene of `count` Gaussians: `at` says where in the image, how deep and how wide.
+/// A scene of `count` Gaussians: `at` gives position in the image, depth and width.
 fn cloud(camera: &Camera, count: usize, logit: f32, at: impl Fn(usize) -> (f64, f64, f64, f64)) -> Scene {
     let blobs: Vec<_> = (0..count)
         .map(|i| {

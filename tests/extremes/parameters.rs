@@ -36,12 +36,12 @@ fn quaternions_of_any_length() {
         let stretched = Blob { quat: unit.quat.map(|q| q * length), ..unit };
         let before = scene(&[near, stretched, far]);
         let shot = probe.shoot(&before, &camera, &twin.image_grad);
-        // The same rotation up to a rounding of each component.
+        // The same rotation, up to a rounding of each component.
         for (a, b) in shot.image.iter().flatten().zip(want.image.iter().flatten()) {
             assert!((a - b).abs() < 1e-5, "length {length}: {a} {b}");
         }
         assert!(shot.stepped.base.quats.iter().flatten().all(|q| q.is_finite()));
-        // A step turns it no further than a unit quaternion's: 2 · √4 · rate, whatever its length.
+        // A step rotates it at most as far as a unit quaternion: 2 · √4 · rate, for any length.
         let norm = |q: [f32; 4]| q.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
         let (old, new) = (unit.quat, shot.stepped.base.quats[1]);
         let cosine =
@@ -53,7 +53,7 @@ fn quaternions_of_any_length() {
             turn <= 4.1 * f64::from(RATES.quat) / if length < 0.01 { 1.0 } else { shortest },
             "length {length}: turned by {turn}"
         );
-        // And turns it at all.
+        // And the step does rotate it.
         assert!(turn > 1e-6 || (1.0..=100.0).contains(&length) && turn > 1e-8, "length {length}: turned by {turn}");
     }
     for quat in [[0.0; 4], [1e-40, 0.0, 0.0, 0.0], [f32::NAN, 1.0, 0.0, 0.0], [f32::INFINITY, 0.0, 0.0, 0.0]] {
@@ -63,7 +63,7 @@ fn quaternions_of_any_length() {
     }
 }
 
-/// What half width cannot hold is drawn as at full width, or not at all.
+/// Values beyond half width's range are drawn like at full width, or not at all.
 #[test]
 fn half_width_at_the_ends_of_what_it_holds() {
     let (gpu, camera) = (Gpu::new(), usual());
@@ -77,7 +77,7 @@ fn half_width_at_the_ends_of_what_it_holds() {
     let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.1, 0.2], ..Default::default() };
     let alone = image(&scene(&[near, far]), true);
     let full = image(&scene(&[near, far, blob]), false);
-    // Of unit quaternions and shorter, longer and turned ones.
+    // Unit quaternions, and shorter, longer and negated ones.
     for length in [1.0f32, -1.0, 1e-36, 1e37] {
         let got = image(&scene(&[near, far, Blob { quat: blob.quat.map(|q| q * length), ..blob }]), true);
         let off = got.color.iter().zip(&full.color).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -97,7 +97,7 @@ fn half_width_at_the_ends_of_what_it_holds() {
     for scale in [f32::NAN, f32::INFINITY] {
         assert_eq!(image(&with(unit, scale), true), alone, "{scale}");
     }
-    // As far as half width reaches, and beyond: a line to the horizon, and a disc.
+    // Up to the limits of half width, and beyond: a line to the horizon, and a disc.
     for scale in [28.0f32, 31.9, 33.0, 40.0, -31.0, -33.0, -80.0, f32::NEG_INFINITY] {
         let [got, want] = [true, false].map(|half| image(&with(unit, scale), half));
         let off = got.color.iter().zip(&want.color).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -114,14 +114,15 @@ fn logits_to_100_either_way() {
     for logit in [-100.0f32, -20.0, -5.6, 5.0, 10.0, 16.0, 18.0, 20.0, 25.0, 30.0, 60.0, 88.0, 89.0, 100.0] {
         let blob =
             Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.3, 0.4], logit, ..Default::default() };
-        // Only this one's gradient: beside the others' it would be nothing.
+        // Only this Gaussian's gradient: next to the others' it would be negligible.
         let alone = scene(&[blob]);
         let shot = check(&mut probe, &camera, &alone, &format!("logit {logit}"), 1e-4, 1e-5, 1e-4);
         let gradient = shot.gradients.geometry[layout::OPACITY];
         if (5.0..=80.0).contains(&logit) {
             assert!(gradient != 0.0, "logit {logit} has no gradient");
         }
-        // Adam forgets the size of a gradient above 1e-15, so that an opacity of 1 − 2e-9 learns like any other.
+        // Adam ignores the size of gradients above 1e-15, so that an opacity of 1 − 2e-9 learns like any
+        // other.
         let moved = (shot.stepped.base.opacities[0] - logit).abs();
         if (5.0..=25.0).contains(&logit) {
             assert!(moved > 0.9 * RATES.opacity, "logit {logit} moved by {moved}");
@@ -130,7 +131,8 @@ fn logits_to_100_either_way() {
     }
 }
 
-/// A Gaussian much wider than the image has one α: on both sides of each threshold by the smallest step of the logit that shows.
+/// A Gaussian much wider than the image has one α: on both sides of each threshold, by the smallest visible
+/// step of the logit.
 #[test]
 fn alpha_at_its_two_thresholds() {
     let gpu = Gpu::new();
@@ -141,7 +143,8 @@ fn alpha_at_its_two_thresholds() {
     for (threshold, what) in [(1.0 / 255.0, "1/255"), (0.99, "0.99")] {
         let mut states = std::collections::BTreeSet::new();
         for k in -12..=12 {
-            // One float32 step of the logit is 5e-7: α changes by 2e-9 at 1/255, 5e-9 at 0.99: below a step of α itself.
+            // One float32 step of the logit is 5e-7: α changes by 2e-9 at 1/255, 5e-9 at 0.99: below a step
+            // of α itself.
             let blob = Blob {
                 mean: camera.unproject(36.5, 28.5, 4.0),
                 scale: [1e5; 3],
@@ -150,7 +153,7 @@ fn alpha_at_its_two_thresholds() {
             };
             let shot = probe.shoot(&scene(&[blob]), &camera, &image_grad);
             let t = shot.image[0][3];
-            // α may differ from pixel to pixel by the roundings of exp(−1e-9); the rule may not.
+            // α may differ between pixels by the roundings of exp(−1e-9); the decision may not.
             for pixel in &shot.image {
                 let alpha = 1.0 - f64::from(pixel[3]);
                 let taken = alpha >= 1.0 / 255.0 - 1e-7;
@@ -161,13 +164,13 @@ fn alpha_at_its_two_thresholds() {
             let learns = shot.gradients.geometry[layout::OPACITY] != 0.0;
             states.insert((t == 1.0, learns));
         }
-        // Both sides were met: not taken and taken; taken, and taken without a gradient of its opacity.
+        // Both sides occurred: not taken and taken; taken, and taken without a gradient of its opacity.
         let sides = if threshold < 0.5 { [(false, true), (true, false)] } else { [(false, false), (false, true)] };
         assert_eq!(states.into_iter().collect::<Vec<_>>(), sides, "{what}");
     }
 }
 
-/// Black from here, and nothing else sees it: a loss that wants more red and less blue raises the red and leaves the blue.
+/// Black from the only view: a loss that wants more red and less blue raises the red and leaves the blue.
 #[test]
 fn a_black_gaussian_learns_what_would_light_it() {
     let gpu = Gpu::new();
@@ -184,7 +187,7 @@ fn a_black_gaussian_learns_what_would_light_it() {
     for (grad, raised) in [([-1.0, -0.5, 1.0], [true, true, false]), ([0.5, 1.0, -1.0], [false, false, true])] {
         let shot = probe.shoot(&before, &camera, &vec![grad; camera.pixels() as usize]);
         let learned: [f32; 3] = std::array::from_fn(|c| shot.stepped.base.sh[1][c] - before.base.sh[1][c]);
-        // Adam's first step is the rate.
+        // Adam's first step has the length of the rate.
         assert_eq!(learned.map(|change| change > 0.9 * RATES.dc), raised, "{learned:?}");
         assert_eq!(learned.map(|change| change == 0.0), raised.map(|raised| !raised), "{learned:?}");
     }
@@ -204,8 +207,8 @@ fn sh_coefficients_of_1e4() {
             .chain(&mut random.supplement.as_mut().unwrap().gaussians.sh)
             .flatten()
             .for_each(|c| *c *= factor);
-        // Colours are sums of 16 terms of up to 1e4: what is left of 1 has 1e-3 of rounding, relative to the largest 1e-6. A
-        // gradient of the direction through them is a difference of such terms.
+        // Colours are sums of 16 terms of up to 1e4: a remaining 1 has a rounding error of 1e-3, relative to
+        // the largest 1e-6. A gradient of the direction through them is a difference of such terms.
         check(&mut probe, &camera, &random, &format!("SH × {factor}"), 1e-4, 1e-4, 1e-4);
     }
 }
@@ -221,14 +224,15 @@ fn betas_at_the_ends_of_their_ranges() {
     let v = (blob.mean - camera.eye()).normalize();
     let (theta, phi) = (v.z.acos() as f32, v.y.atan2(v.x) as f32);
     for b in [-100.0, -1.387, -1.3, 0.0, 4.0, 6.999, 100.0f32] {
-        // Half of the light, at the bluntest at 60°; the edge from both sides; behind.
+        // Half of the light, for the bluntest at 60°; both sides of the edge; behind.
         let half = (-2f64.ln() / (4.0 * f64::from(b.clamp(-1.386, 7.0)).exp())).exp().acos() as f32;
         for off in [0.0, half, 1.57, 1.5709, 3.1] {
             for colour in [[1.0, 0.0, -0.5], [3.0, -100.0, 0.3]] {
                 let mut before = scene(&[near, blob, far]);
                 before.base = before.base.with_degree(BETAS);
                 before.base.sh[6..10].copy_from_slice(&[colour, [theta + off, phi, b], colour, [theta, phi + off, b]]);
-                // Roundings of the cosine and of its derivatives, which are nearly 0 along the axis, times the exponent and the light.
+                // Roundings of the cosine and of its derivatives, which are nearly 0 along the axis, times
+                // exponent and light.
                 let steep = 4.0 * f64::from(b.clamp(-1.386, 7.0)).exp();
                 let [image, gradient] = [0.5e-6, 1e-6 * f64::from(colour[0])].map(|part| (part * steep).max(1e-4));
                 let what = format!("b {b}, {off} off the axis, colour {colour:?}");
@@ -253,12 +257,13 @@ fn lobes_at_the_ends_of_their_ranges() {
     let across = v.any_orthonormal_vector();
     let at = |theta: f64, length: f64| ((v * theta.cos() + across * theta.sin()) * length).as_vec3().to_array();
     let pi = std::f64::consts::PI;
-    // (direction, T, β, seen, bound of the gradients)
+    // (direction, T, β, visible, bound of the gradients)
     let mut cases = Vec::new();
     for width in [0.01f64, 0.1, 1.0] {
         let t = f64::from(width as f32);
         for sharpness in [-20.0f32, -2.0, 0.0, 8.0, 20.0] {
-            // On the axis all is flat but β's own part. Off it: half of what it takes to halve the factor, or half of T.
+            // On the axis all derivatives vanish except β's own. Off it: half of the angle that halves the
+            // factor, or half of T.
             let half = (2.0 * (0.5f64.ln() / (2.0 * f64::from(sharpness).exp())).exp().acos() * t).min(0.5 * t * pi);
             let bound = if sharpness > 10.0 || (sharpness > 5.0 && width < 0.05) {
                 f64::INFINITY
@@ -333,7 +338,7 @@ fn lobes_at_the_ends_of_their_ranges() {
     }
 }
 
-/// A step of fixed length must not turn a short direction by any angle, nor a long one not at all.
+/// A step of fixed length must not rotate a short direction arbitrarily, nor leave a long one unchanged.
 #[test]
 fn lobe_directions_of_any_length_turn_alike() {
     let gpu = Gpu::new();
@@ -351,13 +356,14 @@ fn lobe_directions_of_any_length_turn_alike() {
         let stepped = DVec3::from_array(stepped.map(f64::from)) / if length > 100.0 { 1.0 } else { length.max(1e-30) };
         let turn = direction.angle_between(stepped.normalize());
         println!("direction of length {length:e}: turned by {turn:.1e}");
-        // Each component moves by the rate: of a unit vector where the length is outside 0.01 to 100.
+        // Each component moves by the rate; the vector counts as a unit vector if its length is outside 0.01
+        // to 100.
         let moved = f64::from(RATES.direction) / if (0.01..=100.0).contains(&length) { length } else { 1.0 };
         assert!(turn <= 1.8 * moved && turn > 0.1 * moved, "length {length}: turned by {turn}");
     }
 }
 
-/// θ is exactly 0: the quotient of two zeros is a limit there.
+/// θ is exactly 0: the quotient of two zeros needs its limit.
 #[test]
 fn a_lobe_seen_along_its_axis_learns() {
     let gpu = Gpu::new();

@@ -1,4 +1,4 @@
-//! The screen phase.
+//! Extreme inputs of the screen phase.
 
 use glint::{
     gpu::Buffer,
@@ -33,7 +33,7 @@ const FLAT: (u32, u32) = (40, 30);
 
 fn rig(gpu: &Gpu, (width, height): (u32, u32), places: u32) -> Screen {
     let frame = Frame { image_first: 0, target_first: 0, width, height };
-    // No loss is made here, and that of a 4K image has no room on llvmpipe.
+    // No loss is computed here, and that of a 4K image does not fit on llvmpipe.
     let sizes = ScreenSizes { loss_tiles: 1, ..ScreenSizes::of_frames(&[frame], places) };
     let mut screen = Screen::new(gpu, sizes, session(gpu).policy).unwrap();
     screen.begin(&[frame], &[View::default()], &[Quota { view: 0, first: 0, budget: places }]).unwrap();
@@ -97,7 +97,7 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
     let gpu = Gpu::new();
     let flat = Flat::new(&gpu);
     let cap = f64::from(0.7f32.ln());
-    // (what, logit, log scales, angle, centre); scales are capped at 0.01 (W + H) = 0.7 px by the steps, not by the kernels.
+    // (what, logit, log scales, angle, centre); steps cap scales at 0.01 (W + H) = 0.7 px, kernels do not.
     let cases = [
         ("logit 20", 20.0, [0.5, 1.25], 0.5, [20.25, 15.75]),
         ("logit 30", 30.0, [0.5, 1.25], 0.5, [20.25, 15.75]),
@@ -142,12 +142,13 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
         let mut line = Vec::new();
         for p in 0..9 {
             let pairs: Vec<(f64, f64)> = (0..PLACES).map(|i| (f64::from(got[p * PLACES + i]), want[i][p])).collect();
-            // The extreme one's own gradient, beside whose size the others' would hide it or be hidden.
+            // The extreme one's gradient alone, since it may dwarf the others' or be dwarfed by them.
             for pairs in [&pairs[5..6], &pairs[..]] {
                 let size = pairs.iter().map(|(_, w)| w * w).sum::<f64>().sqrt();
                 let d = pairs.iter().map(|(g, w)| (g - w).powi(2)).sum::<f64>().sqrt();
                 line.push(format!("{:.0e}", d / size));
-                // Single gradients are sums that partly cancel; an angle in float32 has 3e-5 rad at 300, 1e-3 of the ellipse.
+                // Single gradients are sums that partly cancel; an angle in float32 has 3e-5 rad at 300, 1e-3
+                // of the ellipse.
                 let bound = if angle > 100.0 { 1e-2 } else { 1e-3 };
                 assert!(d <= bound * size + 1e-6, "{what}: plane {p} off by {d} of {size}");
             }
@@ -160,7 +161,7 @@ fn extreme_2d_gaussians_have_the_twins_gradients() {
             );
         }
         assert!(stepped.iter().all(|x| x.is_finite()), "{what}");
-        // Half a turn changes no ellipse.
+        // Half a turn does not change an ellipse.
         assert!(stepped[8 * PLACES + 5].abs() < 1.6, "{what}: turned to {}", stepped[8 * PLACES + 5]);
     }
 }
@@ -185,18 +186,18 @@ fn a_2d_gaussian_that_is_nan_stays_alone() {
         for p in 0..9 {
             let mut planes = flat_gaussians();
             planes[5][p] = bad;
-            // An opacity of 1 is one.
+            // A logit of +∞ is an opacity of 1.
             if p == 5 && bad == f64::INFINITY {
                 continue;
             }
             planes[5][9] = 7.0;
             let result = flat.run(&planes, &[0; PLACES], &flat_depths(), &grads);
             assert_eq!(flat.screen.raster.buffers.tile_counts.download().unwrap()[5], 0, "{bad} in plane {p} is seen");
-            // A centre that is no place asks no pixel for its depth.
+            // A non-finite centre reads no pixel's depth.
             assert!(p >= 2 || result.2[9 * PLACES + 5] == 7.0, "{bad} in plane {p}");
             assert!(others(result) == without, "{bad} in plane {p}");
         }
-        // A depth map with a hole that is NaN: behind all others.
+        // A NaN in the depth map: after all valid ones.
         let mut depths = flat_depths();
         let at = (flat_gaussians()[5][1] as u32 * FLAT.0 + flat_gaussians()[5][0] as u32) as usize;
         depths[at] = bad as f32;
@@ -210,7 +211,8 @@ fn a_2d_gaussian_that_is_nan_stays_alone() {
     }
 }
 
-/// Only the last pixels of an image of 3840 × 2160 have a loss: they are drawn, by a kernel that goes through all of them five times.
+/// Only the last pixels of an image of 3840 × 2160 have a loss: they must be drawn, by a kernel that makes
+/// five passes over all pixels.
 #[test]
 fn pixels_at_the_end_of_a_4k_image_can_be_drawn() {
     let gpu = Gpu::new();
@@ -234,7 +236,7 @@ fn pixels_at_the_end_of_a_4k_image_can_be_drawn() {
     }
 }
 
-/// The same of the screen phase.
+/// In the screen phase, Adam must also move by its rate if the gradient's square overflows.
 #[test]
 fn a_2d_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     let gpu = Gpu::new();

@@ -1,4 +1,4 @@
-//! Training problems whose curvatures differ by many orders of magnitude.
+//! Training problems with curvatures that differ by many orders of magnitude.
 
 use glam::DVec3;
 use glint::{
@@ -18,7 +18,7 @@ use super::{
     scattered, usual,
 };
 
-/// What 500 steps of training did.
+/// Result of 500 training steps.
 struct Trained {
     start: f64,
     end: f64,
@@ -44,7 +44,7 @@ fn train(gpu: &Gpu, cameras: &[Camera], photographs: &[Vec<u8>], scene: &Scene, 
     }
 }
 
-/// Four cameras around a scene of 150 blobs, what they photograph, and the blobs; all moved by `offset`.
+/// Four cameras around a scene of 150 blobs, their photographs, and the blobs; all translated by `offset`.
 fn photographed(gpu: &Gpu, offset: DVec3) -> (Vec<Camera>, Vec<Vec<u8>>, Vec<Blob>) {
     let first = usual();
     let middle = first.unproject(36.0, 28.0, 4.0);
@@ -61,7 +61,7 @@ fn photographed(gpu: &Gpu, offset: DVec3) -> (Vec<Camera>, Vec<Vec<u8>>, Vec<Blo
             let (x, y, z, px) = scattered(i);
             let s = 3.0 * px * (2.0 + 0.4 * z) / first.fx;
             let rgb = [(i % 7) as f32 / 7.0, (i % 5) as f32 / 5.0, (i % 3) as f32 / 3.0];
-            // Steps of 1/4, which float32 has at 1e6: the offset itself loses nothing.
+            // Multiples of 1/4, exact in float32 at 1e6: the offset itself loses nothing.
             let mean = (first.unproject(x, y, 2.0 + 0.4 * z) * 4.0).round() / 4.0 + offset;
             Blob { mean, scale: [s, 0.7 * s, 0.5 * s], logit: 2.0, rgb, ..Default::default() }
         })
@@ -79,7 +79,8 @@ fn photographed(gpu: &Gpu, offset: DVec3) -> (Vec<Camera>, Vec<Vec<u8>>, Vec<Blo
     (cameras, photographs, truth)
 }
 
-/// No parameter goes further than Newton's bound lets it, in 500 steps: 3 rates each, which are higher the shorter the run.
+/// In 500 steps no parameter moves further than Newton's bound: 3 rates per step; rates are higher in shorter
+/// runs.
 fn assert_bounded(before: &Scene, after: &Scene, what: &str) {
     let g = (&before.base, &after.base);
     let far = |a: &[[f32; 3]], b: &[[f32; 3]]| {
@@ -89,7 +90,7 @@ fn assert_bounded(before: &Scene, after: &Scene, what: &str) {
     let steps = f64::from(STEPS) * 3.0 * shorter;
     assert!(far(&g.0.log_scales, &g.1.log_scales) <= steps * 5e-3, "{what}");
     assert!(far(&g.0.sh, &g.1.sh) <= steps * 2.5e-3, "{what}");
-    // The position's rate begins with twice 1.6e-4 × extent; float32 has steps of 0.06 at 1e6.
+    // The position's rate starts at twice 1.6e-4 × extent; float32 has steps of 0.06 at 1e6.
     let ulp = g.0.means.iter().flatten().map(|m| m.abs()).fold(0.0, f32::max) * f32::EPSILON;
     assert!(far(&g.0.means, &g.1.means) <= steps * 2.0 * 3.2e-4 + f64::from(ulp), "{what}");
     let p = glint::reference::Params::from_scene(after).unwrap();
@@ -100,7 +101,7 @@ fn assert_bounded(before: &Scene, after: &Scene, what: &str) {
 fn stiff_problems_train_without_divergence() {
     let gpu = Gpu::new();
     let (cameras, photographs, truth) = photographed(&gpu, DVec3::ZERO);
-    // Where they begin: off by a few pixels, and grey.
+    // Initial values: off by a few pixels, and grey.
     let ordinary: Vec<Blob> = truth
         .iter()
         .enumerate()
@@ -138,8 +139,8 @@ fn stiff_problems_train_without_divergence() {
     for (what, spoil) in problems {
         let blobs: Vec<Blob> = ordinary.iter().enumerate().map(|(i, &b)| spoil(i, b)).collect();
         let start = scene(&blobs);
-        // Squares of gradients by parameter are such as a probe tells, and stand for the Hessian's diagonal. Without quaternions,
-        // whose gradients have any size that one likes.
+        // Squares of gradients by parameter, as estimated by a probe, stand for the Hessian's diagonal.
+        // Quaternions are left out, as their gradients have an arbitrary scale.
         let mut probe = Probe::new(&gpu, 150, &cameras[0], Setup::default());
         let image_grad: Vec<_> = (0..cameras[0].pixels() as usize).map(ripple).collect();
         let g = probe.shoot(&start, &cameras[0], &image_grad).gradients;
@@ -155,7 +156,8 @@ fn stiff_problems_train_without_divergence() {
     }
 }
 
-/// At 1e6 units from the origin float32 has steps of 0.06: without recentring no position can learn, and none is drawn where it is.
+/// At 1e6 units from the origin float32 has steps of 0.06: without recentring positions can neither learn nor
+/// be drawn correctly.
 #[test]
 fn a_scene_far_from_its_origin_trains_as_it_does_at_home() {
     let gpu = Gpu::new();
@@ -175,8 +177,9 @@ fn a_scene_far_from_its_origin_trains_as_it_does_at_home() {
         (trained.start, trained.end, naive.end)
     });
     let [home, far] = losses;
-    // The same start; another middle rounds otherwise, and 500 steps carry that to a tenth of the end, which is a twentieth of the start.
+    // Same start. Another origin rounds differently, and 500 steps amplify that to a tenth of the final loss,
+    // itself a twentieth of the initial one.
     assert!((far.0 - home.0).abs() < 1e-5 && (far.1 - home.1).abs() < 0.2 * home.1, "{losses:?}");
-    // What the recentring is for.
+    // The purpose of recentring.
     assert!(far.2 > 1.3 * home.1, "{losses:?}");
 }

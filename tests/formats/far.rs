@@ -1,4 +1,4 @@
-//! Scenes far from the world's origin, and floaters far from everything else.
+//! Scenes far from the world's origin, and floaters far from all other Gaussians.
 
 use glam::DVec3;
 
@@ -6,14 +6,14 @@ use super::*;
 
 const UTM: DVec3 = DVec3::new(5e5, 4.5e6, 120.125);
 
-/// A scene whose Gaussian `i` lies at these coordinates.
+/// A scene with one Gaussian at these coordinates.
 fn with_floater(count: usize, at: [f32; 3]) -> Scene {
     let mut scene = sample(3, count, 1);
     scene.base.means[count / 2] = at;
     scene
 }
 
-/// What is read of it, and what was said when it was written.
+/// Writes and reads the scene; returns the result, and the notes of writing.
 fn converted(scene: &Scene, name: &str, format: SceneFormat) -> (SceneFile, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
@@ -21,7 +21,7 @@ fn converted(scene: &Scene, name: &str, format: SceneFormat) -> (SceneFile, Vec<
     (read_scene_file(&path).unwrap(), notes)
 }
 
-/// The largest distance of a mean, but for that of Gaussian `but`, to the nearest of what was read.
+/// The largest distance of a mean (except Gaussian `but`) to the nearest one read.
 fn off(scene: &Scene, back: &Scene, but: usize) -> f64 {
     let distance = |a: DVec3| back.world_means().map(|b| a.distance(b)).fold(f64::INFINITY, f64::min);
     scene.world_means().enumerate().filter(|(i, _)| *i != but).map(|(_, a)| distance(a)).fold(0.0, f64::max)
@@ -39,10 +39,10 @@ fn a_floater_costs_an_spz_no_bit_of_the_others() {
         assert!(notes.len() == 1 && notes[0].contains("1 of 200 Gaussians lie beyond ±2048"), "{notes:?}");
         assert!(notes[0].contains("step of 0.000244140625"), "{notes:?}");
     }
-    // Of all within 2,048 units nothing is said, and small scenes keep more bits.
+    // No note if all are within 2,048 units, and small scenes keep more bits.
     let (back, notes) = converted(&sample(3, 200, 1), "a.spz", spz(4));
     assert!(notes.is_empty() && off(&sample(3, 200, 1), &back.scene, 200) < 2f64.powi(-15), "{notes:?}");
-    // Float16 holds 65,504.
+    // Float16's maximum is 65,504.
     let scene = with_floater(200, [7e4, 0.0, 0.0]);
     let (back, notes) = converted(&scene, "a.spz", spz(1));
     assert!(back.scene.base.means[100][0] == 65504.0 && notes[0].contains("1 of 200"), "{notes:?}");
@@ -68,7 +68,7 @@ fn a_floater_has_a_chunk_of_its_own() {
     for count in [256, 300] {
         let scene = with_floater(count, [1e5, 0.0, 0.0]);
         let (back, notes) = converted(&scene, "a.compressed.ply", format("a.compressed.ply"));
-        // A chunk is as wide as the scene, 24 units, of which 1/1023 is a step.
+        // A chunk is as wide as the scene, 24 units; a step is 1/1023 of that.
         assert!(off(&scene, &back.scene, count / 2) < 24.0 / 1023.0 * 0.87);
         assert!(back.scene.world_means().any(|mean| mean.x == 1e5));
         let fill = (count - 1usize).next_multiple_of(256) - (count - 1);
@@ -80,12 +80,12 @@ fn a_floater_has_a_chunk_of_its_own() {
         );
         assert!(notes[0].contains(&format!("{fill} invisible Gaussians")), "{notes:?}");
     }
-    // None lies far, and a chunk's grid is fine for Gaussians of this size.
+    // No floaters, and a chunk's grid is fine enough for Gaussians of this size.
     let mut scene = sample(3, 300, 1);
     scene.base.log_scales.as_flattened_mut().iter_mut().for_each(|v| *v += 1.0);
     let (back, notes) = converted(&scene, "a.compressed.ply", format("a.compressed.ply"));
     assert!(notes.is_empty() && back.scene.base.len() == 300);
-    // Of so few none is a floater.
+    // In so small a scene none counts as a floater.
     let (_, notes) = converted(&with_floater(60, [1e5, 0.0, 0.0]), "a.compressed.ply", format("a.compressed.ply"));
     assert!(notes[0].contains("60 of 60 positions lie on a grid that is coarse"), "{notes:?}");
 }
@@ -103,13 +103,13 @@ fn an_origin_is_kept_or_told() {
             assert!(notes.len() == 1 && notes[0].contains(wanted), "{ending}: {notes:?}");
             assert_eq!(back.scene.origin, DVec3::ZERO, "{ending}");
         }
-        // Whatever the format's grid, it is that of the scene.
+        // Whatever the format's grid, it is relative to the scene's origin.
         let there = Scene { origin: UTM, ..back.scene };
         assert!(off(&scene, &there, 40) < 0.02, "{ending}: {}", off(&scene, &there, 40));
     }
 }
 
-/// The translation of any node that is far, not only of glint's own files.
+/// For far translations of any node, not only in glint's own files.
 #[test]
 fn a_far_node_of_a_gltf_becomes_the_origin_and_a_near_one_moves_its_gaussians() {
     let scene = Scene { origin: DVec3::new(-3.5, 2.0, 1.0), ..sample(6, 30, 1) };

@@ -1,11 +1,12 @@
-//! glTF and GLB.
+//! Tests glTF and GLB.
 
 use glint::scene::Supplement;
 use serde_json::{Value, json};
 
 use super::*;
 
-/// Two Gaussians of degree 1 in the frame of glTF, as a document and its buffer, put together from the extension's description.
+/// Two Gaussians of degree 1 in glTF's frame, as a document and its buffer, built from the extension's
+/// description.
 fn document() -> (Value, Vec<u8>) {
     let (mut bytes, mut views, mut accessors) = (Vec::new(), Vec::new(), Vec::new());
     let mut attributes = serde_json::Map::new();
@@ -55,14 +56,14 @@ fn glb(document: &Value, binary: &[u8]) -> Vec<u8> {
     out
 }
 
-/// What is read of the document after this change.
+/// Reads the document after a change.
 fn changed(change: impl FnOnce(&mut Value)) -> Result<SceneFile, String> {
     let (mut document, binary) = document();
     change(&mut document);
     read("a.glb", &glb(&document, &binary))
 }
 
-/// Drafts that Cesium writes: the attributes are in an SPZ scene, whose frame is not that of glTF.
+/// Cesium writes drafts with the attributes in an SPZ scene, in another frame than glTF's.
 #[test]
 fn an_spz_scene_in_a_buffer_view_is_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -91,7 +92,7 @@ fn an_spz_scene_in_a_buffer_view_is_read() {
                     "extensionsRequired": [name],
                     "scenes": [{"nodes": [0]}],
                     "nodes": [node],
-                    // Accessors without a buffer view say what shape the attributes have.
+                    // Accessors without a buffer view give the attributes' shape.
                     "meshes": [{"primitives": [{"mode": 0, "attributes": {"POSITION": 0}, "extensions": extensions}]}],
                     "accessors": [{"componentType": 5126, "count": 40, "type": "VEC3"}],
                     "bufferViews": [{"buffer": 0, "byteLength": length}],
@@ -100,7 +101,7 @@ fn an_spz_scene_in_a_buffer_view_is_read() {
             };
             let found = read("a.glb", &glb(&document(json!({"mesh": 0})), &spz)).unwrap();
             assert_eq!(found, plain, "{name}, version {version}");
-            // A node moves along the axes of glTF: x to the left, y up.
+            // A node moves along glTF's axes: x left, y up.
             let moved = document(json!({"mesh": 0, "translation": [10, 20, 30]}));
             let moved = read("a.glb", &glb(&moved, &spz)).unwrap().scene.base;
             for (a, b) in moved.means.iter().zip(&plain.scene.base.means) {
@@ -119,14 +120,14 @@ fn splats_are_read_as_described_and_turned_to_the_frame_of_ply() {
     let (document, binary) = document();
     let base = read("a.glb", &glb(&document, &binary)).unwrap().scene.base;
     assert_eq!(base.means, [[-1.0, -2.0, 3.0], [4.0, -5.0, -6.0]]);
-    // x, y, z, w turned by 180° about z.
+    // x, y, z, w rotated by 180° about z.
     assert_eq!(base.quats, [[0.0, 0.0, -0.6, 0.8], [0.8, -0.6, 0.0, 0.0]]);
     let [one, half, flat] = base.log_scales[0];
     assert!(one == 0.0 && half == 0.5f32.ln() && flat < -87.0 && flat.is_finite());
     assert!(base.opacities[0] == 0.0 && base.opacities[1] > 15.0 && base.opacities[1].is_finite());
     assert_eq!(base.sh[..4], [[0.1, 0.2, 0.3], [-1.0, -2.0, -3.0], [4.0, 5.0, 6.0], [-7.0, -8.0, -9.0]]);
 
-    // The same bytes in base64, and in a file beside the document.
+    // The same bytes in base64, and in a file next to the document.
     let mut other = document.clone();
     let text = base64::Engine::encode(&base64::engine::general_purpose::STANDARD, &binary);
     other["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{text}").into();
@@ -169,7 +170,7 @@ fn components_may_be_integers_and_elements_may_have_gaps() {
 #[test]
 fn nodes_place_what_they_hold() {
     let there = changed(|document| {
-        // A quarter turn about y, twice as large, five to the left of its parent, which is one up.
+        // A quarter turn about y, scaled by two, five to the left of its parent, which is one up.
         let half = 0.5f64.sqrt();
         document["scenes"][0]["nodes"] = json!([1]);
         document["nodes"] = json!([
@@ -182,7 +183,7 @@ fn nodes_place_what_they_hold() {
     let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
     assert!(near(&base.means[0], &[-11.0, -5.0, -2.0]), "{:?}", base.means[0]);
     assert!(near(&base.log_scales[1], &[4f32.ln(); 3]));
-    // Of degree 1 are −y, z and −x; z turns to x, and x to −z.
+    // Degree 1 is −y, z and −x; z becomes x, and x becomes −z.
     assert!(
         near(base.sh[1..4].as_flattened(), &[-1.0, -2.0, -3.0, 7.0, 8.0, 9.0, 4.0, 5.0, 6.0]),
         "{:?}",
@@ -204,7 +205,7 @@ fn drafts_with_logarithms_of_scales_are_read() {
     binary[at..at + 24].copy_from_slice(&logarithms.map(f32::to_le_bytes).concat());
     let base = read("a.glb", &glb(&document, &binary)).unwrap().scene.base;
     assert_eq!(base.log_scales.as_flattened(), logarithms);
-    // A single negative number among linear ones is a fault.
+    // A single negative number among linear scales is a fault.
     binary[at..at + 24].copy_from_slice(&[1.0f32, 1.0, 1.0, 1.0, -1.0, 1.0].map(f32::to_le_bytes).concat());
     refused("a.glb", &glb(&document, &binary), &["row 1", "`scale_1` is not a finite number"]);
     dropped("a.glb", &glb(&document, &binary), 1, 1);
@@ -217,7 +218,7 @@ fn all_of_an_augmented_scene_comes_back() {
         scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
         let folder = tempfile::tempdir().unwrap();
         let (path, ply) = (folder.path().join(name), folder.path().join("b.ply"));
-        // What other viewers show is the base before it learned.
+        // Other viewers show the base from before training.
         let mut shown = random_scene(5, 300, 0, 3).base;
         shown.opacities[7] -= 1.0;
         shown = Gaussians { means: shown.means[..250].to_vec(), ..shown };
@@ -246,7 +247,7 @@ fn all_of_an_augmented_scene_comes_back() {
     }
 }
 
-/// What the specification of glTF asks for, of which readers of others fall over.
+/// Requirements of glTF's specification without which other readers fail.
 #[test]
 fn what_is_written_is_a_sound_glb() {
     let folder = tempfile::tempdir().unwrap();
@@ -263,7 +264,7 @@ fn what_is_written_is_a_sound_glb() {
     assert_eq!(primitive["mode"], 0);
     let lobes = &primitive["extensions"]["KHR_gaussian_splatting"]["extensions"]["GLINT_gaussian_lobes"]["attributes"];
     for (attributes, count, more) in [(&primitive["attributes"], 30, 1), (lobes, 8, 3)] {
-        // POSITION, ROTATION, SCALE, OPACITY, four coefficients, and COLOR_0 or those of lobes.
+        // POSITION, ROTATION, SCALE, OPACITY, four coefficients, and COLOR_0 or the attributes of lobes.
         let attributes = attributes.as_object().unwrap();
         assert_eq!(attributes.len(), 8 + more);
         for (name, index) in attributes {
@@ -342,7 +343,8 @@ fn what_is_not_understood_is_said() {
     );
     says(&set("/buffers/0/byteLength", json!(1_000_000)), &["buffer 0 has", "expected 1000000"]);
     says(&set("/accessors", json!("none")), &["is not a sound glTF"]);
-    // 1,000 nodes with one mesh of two are 2,000 Gaussians of a small file; a million of them are a bomb.
+    // 1,000 nodes with one mesh of two Gaussians are 2,000 Gaussians of a small file; a million nodes are a
+    // bomb.
     let many = |count: usize, name: usize| {
         let text = vec![json!({"mesh": 0}); count];
         changed(|document| {
@@ -356,7 +358,7 @@ fn what_is_not_understood_is_said() {
     assert!(bomb.contains("bytes of meshes") && bomb.contains("expected no more than"), "{bomb}");
 }
 
-/// The document is a hundredth of what it names.
+/// The document is a hundredth of the size of its files.
 #[test]
 fn buffers_in_files_of_their_own_may_be_large() {
     let folder = tempfile::tempdir().unwrap();

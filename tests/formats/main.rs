@@ -1,4 +1,5 @@
-//! Scene files other than PLY: what comes back, bytes written by hand, damage, and how renders of real scenes fare.
+//! Tests scene formats other than PLY: round trips, handmade files, damaged files, and renders of real
+//! scenes.
 
 mod far;
 mod gltf;
@@ -39,7 +40,7 @@ fn spz(version: u8) -> SceneFormat {
     format
 }
 
-/// What is read of `scene` once it is written as a file of this ending; and the file's bytes.
+/// Writes `scene` as a file with this ending and reads it; returns the result and the file's bytes.
 #[track_caller]
 fn round_trip(scene: &Scene, ending: &str) -> (Scene, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
@@ -48,7 +49,7 @@ fn round_trip(scene: &Scene, ending: &str) -> (Scene, Vec<u8>) {
     (read_scene(&path).unwrap(), fs::read(&path).unwrap())
 }
 
-/// What is read of these bytes under this name.
+/// Reads these bytes under this name.
 fn read(name: &str, bytes: &[u8]) -> Result<SceneFile, String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
@@ -56,7 +57,7 @@ fn read(name: &str, bytes: &[u8]) -> Result<SceneFile, String> {
     read_scene_file(&path).map_err(|error| error.to_string())
 }
 
-/// The refusal of these bytes, which names the file and all of `words`.
+/// Checks that these bytes are refused with an error that names the file and all of `words`.
 #[track_caller]
 fn refused(name: &str, bytes: &[u8], words: &[&str]) {
     let message = read(name, bytes).map(drop).unwrap_err();
@@ -64,7 +65,8 @@ fn refused(name: &str, bytes: &[u8], words: &[&str]) {
     assert!(words.iter().all(|word| message.contains(word)), "expected {words:?}: {message}");
 }
 
-/// Refused by row; leniently read, so many Gaussians go and so many stay.
+/// Checks that the strict reader refuses the file by row, and that the lenient one drops `gone` Gaussians and
+/// keeps `left`.
 #[track_caller]
 fn dropped(name: &str, bytes: &[u8], gone: usize, left: usize) {
     refused(name, bytes, &["row "]);
@@ -76,8 +78,8 @@ fn dropped(name: &str, bytes: &[u8], gone: usize, left: usize) {
     assert!(dropped.first.is_some_and(|first| first.starts_with("row ")));
 }
 
-/// Cuts a file at every length and changes every byte. Neither may do worse than an error that names the file. What a cut file gives
-/// must be refused, unless its length is one of `whole`.
+/// Truncates a file at every length and changes every byte. Each must give a scene or an error that names the
+/// file. A truncated file must be refused, unless its length is one of `whole`.
 #[track_caller]
 fn damage(name: &str, bytes: &[u8], whole: impl Fn(usize) -> bool) {
     for length in 0..bytes.len() {
@@ -100,7 +102,7 @@ fn damage(name: &str, bytes: &[u8], whole: impl Fn(usize) -> bool) {
 fn largest(a: &Gaussians, b: &Gaussians, of: impl Fn(&Gaussians, usize) -> Vec<f64>) -> f64 {
     assert_eq!(a.len(), b.len());
     let pairs = (0..a.len()).flat_map(|i| of(a, i).into_iter().zip(of(b, i)).collect::<Vec<_>>());
-    // NaN counts as any difference at all.
+    // NaN counts as an infinite difference.
     pairs.map(|(a, b)| if a.is_finite() && b.is_finite() { (a - b).abs() } else { f64::INFINITY }).fold(0.0, f64::max)
 }
 
@@ -116,7 +118,7 @@ fn log_scales(g: &Gaussians, i: usize) -> Vec<f64> {
     vector(g.log_scales[i])
 }
 
-/// 0 to 1.
+/// Opacity, 0 to 1.
 fn opacity(g: &Gaussians, i: usize) -> Vec<f64> {
     vec![1.0 / (1.0 + (-f64::from(g.opacities[i])).exp())]
 }
@@ -129,7 +131,7 @@ fn harmonics(degree: usize) -> impl Fn(&Gaussians, usize) -> Vec<f64> {
     }
 }
 
-/// The greatest angle between the rotations of two sets, radians.
+/// The largest angle between the rotations of two sets, radians.
 fn turned(a: &Gaussians, b: &Gaussians) -> f64 {
     let unit = |q: [f32; 4]| {
         let q = q.map(f64::from);
@@ -139,14 +141,14 @@ fn turned(a: &Gaussians, b: &Gaussians) -> f64 {
     let angle = |(&a, &b): (&[f32; 4], &[f32; 4])| {
         let (a, b) = (unit(a), unit(b));
         let sign = if a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
-        // From the chord: the cosine of a small angle says little.
+        // From the chord: the cosine is insensitive to small angles.
         let chord = a.iter().zip(b).map(|(a, b)| (a - sign * b).powi(2)).sum::<f64>().sqrt();
         4.0 * (chord / 2.0).min(1.0).asin()
     };
     a.quats.iter().zip(&b.quats).map(angle).fold(0.0, f64::max)
 }
 
-/// Rounding of float32, relative.
+/// Relative rounding error of float32.
 const ROUNDING: f64 = 1e-6;
 
 #[test]
@@ -161,7 +163,7 @@ fn a_name_says_what_is_written_and_others_are_refused() {
     assert_eq!(format("a/b.PLY").ending, "ply");
 }
 
-/// Whoever draws a scene need not be told again what it was trained with, or is told what the format forgot.
+/// Formats keep the training settings, or a note names the missing ones.
 #[test]
 fn what_a_scene_was_trained_with_is_kept_or_missed() {
     let folder = tempfile::tempdir().unwrap();
@@ -190,7 +192,7 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
                 _ => assert_eq!((found, &said[..]), (trained_with, ""), "{ending}"),
             }
         }
-        // Of the defaults nothing is missed.
+        // Missing defaults need no note.
         let plain = TrainedWith { background: Some([0.0; 3]), antialiased: Some(false), ..Default::default() };
         let file = SceneFile { trained_with: plain, ..sample(1, 20, 1).into() };
         let path = folder.path().join(format!("b.{ending}"));

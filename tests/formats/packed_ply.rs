@@ -1,10 +1,11 @@
-//! Compressed PLY.
+//! Tests compressed PLY.
 
 use super::*;
 
 const NAME: &str = "scene.compressed.ply";
 
-/// A file of one Gaussian of degree 1, put together from the format's description. `coloured`: with the chunk's bounds of colours.
+/// A file of one Gaussian of degree 1, built from the format's description; with the chunk's bounds of
+/// colours if `coloured`.
 fn fixture(coloured: bool) -> Vec<u8> {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\ncomment by hand\nelement chunk 1\n");
     let colours: &[&str] = if coloured { &["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"] } else { &[] };
@@ -27,9 +28,10 @@ fn fixture(coloured: bool) -> Vec<u8> {
         bounds.extend([0.0, -1.0, 0.5, 1.0, 1.5, 1.0]);
     }
     out.extend(bounds.iter().flat_map(|v| v.to_le_bytes()));
-    // The least x, the 5th y of 1,023 steps, the greatest z.
+    // The minimum x, step 5 of 1,023 in y, the maximum z.
     let position = 5 << 11 | 2047u32;
-    // The largest is the second of w, x, y, z; the others are 0 (but for the rounding of a range with no middle), the least and 0.
+    // The largest is the second of w, x, y, z; the others are 0 (up to rounding in a range without a middle),
+    // the minimum and 0.
     let rotation = 1 << 30 | 512 << 20 | 511u32;
     let scale = 2047 << 21 | 1023 << 11 | 2047u32;
     let colour = u32::from_be_bytes([255, 51, 0, 51]);
@@ -53,7 +55,7 @@ fn a_gaussian_is_read_as_described() {
         let step = 0.5 * 2f32.sqrt() / 1023.0;
         assert!((w - step).abs() < 1e-6 && (y + 0.5f32.sqrt()).abs() < 1e-6 && (z + step).abs() < 1e-6, "{w} {y} {z}");
         assert!((x - (1.0 - w * w - y * y - z * z).sqrt()).abs() < 1e-6);
-        // Channel by channel; 0 and 255 are the ends, others the middle of their 1/256.
+        // Channel by channel; bytes 0 and 255 are the ends, others the middle of their 1/256.
         let value = |byte: f32| ((byte + 0.5) / 256.0 - 0.5) * 8.0;
         let wanted = [
             [-4.0, value(127.0), value(1.0)],
@@ -64,7 +66,7 @@ fn a_gaussian_is_read_as_described() {
     }
 }
 
-/// The Gaussian of `all` that `mean` is nearest to.
+/// The Gaussian of `all` nearest to `mean`.
 fn nearest(all: &Gaussians, mean: [f32; 3]) -> usize {
     let distance = |i: &usize| (0..3).map(|axis| (all.means[*i][axis] - mean[axis]).powi(2)).sum::<f32>();
     (0..all.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
@@ -115,10 +117,10 @@ fn what_is_written_comes_back_within_half_a_step() {
         }
         assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
         for band in 1..=degree as usize {
-            // Half of 8/256; from the middle of the outermost bytes to the ends it is as far.
+            // Half of 8/256; the middle of the outermost bytes is as far from the ends.
             assert!(largest(a, b, harmonics(band)) <= 0.5 * 8.0 / 256.0 + ROUNDING, "band {band}");
         }
-        // Half a step of √2/1023 in each of three components, see the test of SPZ.
+        // Half a step of √2/1023 in each of three components, see SPZ's test.
         let worst = turned(a, b);
         assert!(worst <= 2.0 * 2.0 * 3f64.sqrt() * 0.5 * 2f64.sqrt() / 1023.0, "{worst}");
     }
@@ -150,7 +152,7 @@ fn damage_is_an_error() {
     refused(NAME, &text("uint packed_rotation", "char packed_rotation"), &["`packed_rotation`", "expected uint"]);
     refused(NAME, &text("uchar f_rest_3", "float f_rest_3"), &["f_rest_*", "expected uchar"]);
     refused(NAME, &text("element chunk", "element chink"), &["no element `chunk`"]);
-    // NaN in the bounds makes numbers that are refused like others.
+    // NaN in the bounds gives NaN values, which are refused.
     let mut broken = bytes.clone();
     let body = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     broken[body..body + 4].copy_from_slice(&f32::NAN.to_le_bytes());
@@ -161,7 +163,8 @@ fn damage_is_an_error() {
     dropped(NAME, &two, 300 - 256, 256);
 }
 
-/// SuperSplat wrote both, with the Gaussians in the same order, so that frames, signs and components are as its authors have them.
+/// SuperSplat wrote both files with the Gaussians in the same order, which gives its authors' view of frames,
+/// signs and components.
 #[test]
 fn two_formats_of_a_real_scene_agree() {
     let (Some(packed), Some(spz)) = (shared("splats/biker.compressed.ply"), shared("splats/biker_v4.spz")) else {
@@ -169,8 +172,8 @@ fn two_formats_of_a_real_scene_agree() {
     };
     let (a, b) = (read_scene(packed).unwrap().base, read_scene(spz).unwrap().base);
     assert_eq!((a.len(), a.sh_degree), (152_746, 0));
-    // Each is half a step off the original: SPZ 2^−13 of position, 1/32 of scale, 0.6 % of colour over 0.15, and 0.14° of each component;
-    // the chunks of the other, a few tenths wide, less.
+    // Each is half a step off the original: SPZ 2^−13 of position, 1/32 of scale, 0.6 % of colour over 0.15,
+    // and 0.14° of each component; the other's chunks, a few tenths wide, less.
     assert!(largest(&a, &b, means) < 3e-3, "{}", largest(&a, &b, means));
     // SPZ has no logarithm below −10.
     let sizes = |g: &Gaussians, i: usize| log_scales(g, i).iter().map(|v| v.max(-10.0)).collect();

@@ -1,5 +1,5 @@
-//! Other people's readers, of what glint writes: an augmented PLY is to all of them exactly its base, and a GLB is what its
-//! specification says.
+//! Other programs' readers of glint's files: an augmented PLY must be exactly its base to all of them, and a
+//! GLB must conform to its specification.
 
 use std::{collections::BTreeMap, process::Command};
 
@@ -12,7 +12,7 @@ use serde::Deserialize;
 
 use super::*;
 
-/// An augmented scene, whose base has learned since.
+/// An augmented scene with a trained base.
 fn augmented() -> (SceneFile, Vec<u8>) {
     let scene = random_scene(6, 200, 40, 3);
     let mut shown = scene.base.clone();
@@ -26,7 +26,7 @@ fn augmented() -> (SceneFile, Vec<u8>) {
     (file, bytes)
 }
 
-/// The properties of Gaussian `i` by name, as a PLY of the reference trainer has them.
+/// The properties of Gaussian `i`, named as in a PLY of the reference trainer.
 fn properties(g: &Gaussians, i: usize) -> BTreeMap<String, f32> {
     let k = g.sh_coefficients();
     let sh = &g.sh[i * k..(i + 1) * k];
@@ -50,7 +50,7 @@ fn assert_is_base(rows: &[BTreeMap<String, f32>], file: &SceneFile) {
     }
 }
 
-/// The reader of Brush.
+/// Brush's reader.
 #[test]
 fn serde_ply_reads_the_base_of_an_augmented_scene() {
     #[derive(Deserialize)]
@@ -87,7 +87,7 @@ vertex = ply['vertex']
 columns = [vertex[name] for name in sorted(p.name for p in vertex.properties)]
 sys.stdout.buffer.write(numpy.stack(columns, 1).astype('<f4').tobytes())
 ";
-/// As the loaders of 3DGS viewers do it: rows of floats from the header's end on.
+/// Like loaders of 3DGS viewers: rows of floats from the header's end on.
 const BY_HAND: &str = "
 import sys
 data = open(sys.argv[1], 'rb').read()
@@ -102,7 +102,7 @@ out = array.array('f', [floats[row * len(names) + i] for row in range(count) for
 sys.stdout.buffer.write(out.tobytes())
 ";
 
-/// Points and their data, as meshio calls them.
+/// Points and their data in meshio's terms.
 const MESHIO: &str = "
 import sys, numpy, meshio
 mesh = meshio.read(sys.argv[1], file_format='ply')
@@ -110,7 +110,7 @@ columns = dict(zip('xyz', mesh.points.T), **mesh.point_data)
 sys.stdout.buffer.write(numpy.stack([columns[name] for name in sorted(columns)], 1).astype('<f4').tobytes())
 ";
 
-/// `tools/setup test` installs them in target/readers; where they are not there, they are not asked, but in CI.
+/// `tools/setup test` installs them in target/readers; if they are missing, the test skips, except in CI.
 #[test]
 fn readers_in_python_read_the_base_of_an_augmented_scene() {
     let (file, bytes) = augmented();
@@ -136,7 +136,8 @@ fn readers_in_python_read_the_base_of_an_augmented_scene() {
     }
 }
 
-/// The crate `gltf` knows neither extension: it judges the rest of the document, and reads the accessors.
+/// The crate `gltf` does not know either extension: it validates the rest of the document, and reads the
+/// accessors.
 #[test]
 fn the_crate_gltf_takes_a_glb_and_reads_its_numbers() {
     let (file, _) = augmented();
@@ -150,7 +151,7 @@ fn the_crate_gltf_takes_a_glb_and_reads_its_numbers() {
     ::gltf::json::validation::Validate::validate(root, root, ::gltf::json::Path::new, &mut |path, error| {
         faults.push((path().to_string(), error));
     });
-    // Names of attributes that it does not know are what extensions are for.
+    // Extensions may define attribute names that it does not know.
     faults.retain(|(path, error)| !(path.contains("attributes") && matches!(error, Error::Invalid)));
     assert!(faults.is_empty(), "{faults:?}");
 

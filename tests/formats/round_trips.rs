@@ -1,4 +1,5 @@
-//! Any scene whose numbers are finite is written in every format and read again, sound, and as near as the format says.
+//! Any scene with finite numbers can be written in every format and read again: valid, and as precise as the
+//! format allows.
 
 use proptest::{
     array::{uniform3, uniform4},
@@ -10,12 +11,12 @@ use proptest::{
 
 use super::*;
 
-/// Mostly what scenes have, now and then any finite number.
+/// Mostly realistic numbers, sometimes any finite number.
 fn number(most: f32) -> impl Strategy<Value = f32> {
     prop_oneof![9 => -most..most, 1 => POSITIVE | NEGATIVE | NORMAL | ZERO]
 }
 
-/// Of lengths whose squares float32 holds.
+/// Any rotation whose squared length float32 holds.
 fn rotation() -> impl Strategy<Value = [f32; 4]> {
     let long_enough = |v: &[f32; 4]| v.iter().any(|x| x.abs() > 0.1);
     (uniform4(-1f32..1.0).prop_filter("a direction", long_enough), -30..30i32)
@@ -43,7 +44,7 @@ fn scene() -> impl Strategy<Value = Gaussians> {
     })
 }
 
-/// What must hold of a scene that came back, Gaussian by Gaussian where their order is kept.
+/// Properties of a scene after a round trip, Gaussian by Gaussian if the order is kept.
 fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestCaseError> {
     prop_assert_eq!(before.len(), back.len());
     if before.is_empty() {
@@ -62,7 +63,7 @@ fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestC
     prop_assert!(turned(before, back) <= angle, "turned by {}", turned(before, back));
     if exact {
         prop_assert_eq!(&before.means, &back.means);
-        // Logarithms within which float32 holds the number itself.
+        // Logarithms of scales within float32's range.
         let held = |g: &Gaussians, i: usize| log_scales(g, i).iter().map(|v| v.clamp(-87.0, 88.0)).collect();
         prop_assert!(largest(before, back, held) <= 1e-5);
     }
@@ -80,11 +81,11 @@ fn every_scene_comes_back_from_every_format() {
             let fail = |error: glint::Error| TestCaseError::fail(format!("{ending}: {error}"));
             let file = |base: &Gaussians| SceneFile::from(Scene { base: base.clone(), ..Default::default() });
             if ending == "splat" && base.is_empty() {
-                // A file without bytes is none.
+                // An empty file is not a scene.
                 return Ok(());
             }
             match write_scene_file(&path, &file(&base)) {
-                // What is too far for 24 bits is refused, and nothing else.
+                // Only positions too far for 24 bits may be refused.
                 Err(error) if ending == "spz" && error.to_string().contains("beyond what SPZ version 4 holds") => {
                     let far = base.means.iter().flatten().any(|v| v.abs() > 8_388_607.0);
                     prop_assert!(far, "{}", error);
@@ -94,7 +95,7 @@ fn every_scene_comes_back_from_every_format() {
             }
             let back = read_scene(&path).map_err(fail)?.base;
             check(ending, &base, &back)?;
-            // What was read can be written and read once more.
+            // The result can be written and read again.
             write_scene_file(&again, &file(&back)).map_err(fail)?;
             check(ending, &back, &read_scene(&again).map_err(fail)?.base)
         };

@@ -1,4 +1,4 @@
-//! SOG.
+//! Tests SOG.
 
 use std::{collections::BTreeMap, io::Cursor};
 
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::*;
 
-/// A ZIP archive whose files are stored, by APPNOTE.TXT of PKWARE.
+/// A ZIP archive of stored files, by APPNOTE.TXT of PKWARE.
 fn zip(files: &BTreeMap<String, Vec<u8>>) -> Vec<u8> {
     let (mut out, mut directory) = (Vec::new(), Vec::new());
     for (name, bytes) in files {
@@ -36,7 +36,7 @@ fn webp(width: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
     out
 }
 
-/// Two Gaussians of degree 1, put together from the format's description.
+/// Two Gaussians of degree 1, built from the format's description.
 fn files() -> (Value, BTreeMap<String, Vec<u8>>) {
     let rest = [0; 4];
     let image = |first: [u8; 4], second: [u8; 4]| webp(4, &[first, second, rest, rest]);
@@ -67,7 +67,7 @@ fn files() -> (Value, BTreeMap<String, Vec<u8>>) {
     (meta, files.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect())
 }
 
-/// What is read of the files after this change.
+/// Reads the files after a change.
 fn changed(change: impl FnOnce(&mut Value, &mut BTreeMap<String, Vec<u8>>)) -> Result<SceneFile, String> {
     let (mut meta, mut files) = files();
     change(&mut meta, &mut files);
@@ -95,12 +95,13 @@ fn pixels_are_read_as_described() {
     );
     assert!((opacity(base, 0)[0] - 0.2).abs() < ROUNDING && opacity(base, 1)[0] > 0.998);
     let root = 0.5f64.sqrt();
-    // Alpha 253: the second, x, is the largest; w, y and z are −√½, √½ and 0.6 √½, more than fits, which leaves nothing for x.
+    // Alpha 253: the second, x, is the largest; w, y and z are −√½, √½ and 0.6 √½, too long in total, so
+    // nothing is left for x.
     assert!(vector(base.quats[0]).iter().zip([-root, 0.0, root, 0.6 * root]).all(|(a, b)| (a - b).abs() < ROUNDING));
     assert!(base.quats[1][0] > 0.999 && base.quats[1][1..].iter().all(|v| v.abs() < 0.003));
 }
 
-/// SuperSplat's of before August 2025, by what its readers do.
+/// SuperSplat's format from before August 2025, according to its readers.
 #[test]
 fn version_1_has_ranges_in_the_place_of_codebooks() {
     let first = |version: Value| {
@@ -188,10 +189,10 @@ fn what_is_written_comes_back_within_half_a_step() {
         let range = |values: &[f64]| {
             values.iter().copied().fold(f64::MIN, f64::max) - values.iter().copied().fold(f64::MAX, f64::min)
         };
-        // Half of 1/65,535 of an axis, no longer than the longest.
+        // Half of 1/65,535 of an axis, at most the longest.
         assert!(largest(a, b, log) <= 0.5 * range(&all(&|i| log(a, i))) / 65535.0 + ROUNDING);
         assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
-        // A codebook of 256 is no farther in the mean square than even steps over the range would be.
+        // A codebook of 256 has at most the mean square error of even steps over the range.
         let coded = |of: &dyn Fn(&Gaussians, usize) -> Vec<f64>, what: &str| {
             let (a, b) = (all(&|i| of(a, i)), all(&|i| of(b, i)));
             let mean_square = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64;
@@ -203,12 +204,12 @@ fn what_is_written_comes_back_within_half_a_step() {
         if degree > 0 {
             coded(&|g, i| (1..=degree as usize).flat_map(|band| harmonics(band)(g, i)).collect(), "harmonics");
         }
-        // Half a step of √½/127.5 in each of three components, see the test of SPZ.
+        // Half a step of √½/127.5 in each of three components, see SPZ's test.
         let worst = turned(a, b);
         assert!(worst <= 2.0 * 2.0 * 3f64.sqrt() * 0.5 * 0.5f64.sqrt() / 127.5, "{worst}");
         assert_eq!(round_trip(&scene, "sog").1, bytes, "the same scene is the same file");
     }
-    // Other programs look for these names.
+    // Other programs expect these names.
     let (_, bytes) = round_trip(&sample(1, 5, 1), "sog");
     let archive = zip::ZipArchive::new(Cursor::new(&bytes)).unwrap();
     let names: Vec<String> = archive.file_names().map(|name| name.unwrap().into_owned()).collect();
@@ -253,7 +254,7 @@ fn what_is_not_understood_is_said() {
     says(&set("/shN/codebook", json!([0])), &["shN have entry"]);
     says(&set("/means/mins", json!([1e300, 0, 0])), &["row 0", "`x` is not a finite number"]);
     let (mut meta, mut files) = files();
-    // The first has share 0 of the range in x, the second 1.
+    // In x, the first is at the start of the range, the second at its end.
     meta["means"]["maxs"][0] = 1e300.into();
     files.insert("meta.json".into(), meta.to_string().into_bytes());
     dropped("a.sog", &zip(&files), 1, 1);
@@ -267,7 +268,7 @@ fn what_is_not_understood_is_said() {
     refused("a.zip", &zip(&BTreeMap::from([("a.txt".into(), vec![1])])), &["without `meta.json`", "not an SOG scene"]);
 }
 
-/// An image of nine million equal pixels is a few kilobytes.
+/// An image of nine million equal pixels takes a few kilobytes.
 #[test]
 fn images_that_are_far_larger_than_their_file_are_refused() {
     let side = 3000u32;
@@ -284,7 +285,7 @@ fn damage_is_an_error() {
     damage("damaged.sog", &zip(&files), |_| false);
 }
 
-/// The archive's checksums keep [`damage`] from its files, so these are changed before they are packed.
+/// The archive's checksums shield its files from [`damage`], so these are changed before packing.
 #[test]
 fn damage_within_an_archives_files_is_an_error() {
     let (_, files) = files();

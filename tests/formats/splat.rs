@@ -1,4 +1,4 @@
-//! `.splat`.
+//! Tests `.splat`.
 
 use super::*;
 
@@ -32,17 +32,17 @@ fn what_is_written_comes_back_within_half_a_step() {
     // exp and ln in float32, of numbers up to 10.
     assert!(largest(a, b, log_scales) < 1e-6);
     assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
-    // Colours beyond 0 to 1 are cut off, those within come back to half a step.
+    // Colours beyond 0 to 1 are clamped, others come back within half a step.
     let colour = |g: &Gaussians, i: usize| {
         let rgb = g.sh[i * g.sh_coefficients()];
         vector(rgb).iter().map(|v| (0.5 + 0.28209479177387814 * v).clamp(0.0, 1.0)).collect()
     };
     assert!(largest(a, b, colour) <= 0.5 / 255.0 + ROUNDING);
-    // Half a step of 1/128 in each of four components, across the quaternion: at most 1/128 of chord, twice that of angle. Where the
-    // bytes' length is not 1 nothing is lost.
+    // Half a step of 1/128 in each of four components, across the quaternion: at most 1/128 of chord, twice
+    // that in angle. Bytes whose length is not 1 lose nothing.
     let worst = turned(a, b);
     assert!(worst <= 2.0 / 128.0 * 1.01, "{worst}");
-    // No rotation is worse off for its sign: 1 would be the byte 256.
+    // The sign does not cost precision for any rotation: 1 would be the byte 256.
     for axis in 0..4 {
         let mut scene = sample(7, 1, 0);
         scene.base.quats[0] = std::array::from_fn(|i| if i == axis { 2.0 } else { 0.0 });

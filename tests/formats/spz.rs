@@ -1,10 +1,10 @@
-//! SPZ, all versions.
+//! Tests SPZ, all versions.
 
 use std::io::{Read, Write};
 
 use super::*;
 
-/// A stream of one Gaussian of degree 1 in versions 1 to 3, put together from the format's description.
+/// A stream of one Gaussian of degree 1 in versions 1 to 3, built from the format's description.
 fn legacy(version: u32, count: u32) -> Vec<u8> {
     let mut out = b"NGSP".to_vec();
     out.extend(version.to_le_bytes());
@@ -14,14 +14,14 @@ fn legacy(version: u32, count: u32) -> Vec<u8> {
     match version {
         // 1.5, −2 and 0.25 as float16.
         1 => out.extend([0x00, 0x3e, 0x00, 0xc0, 0x00, 0x34]),
-        // The same times 4,096, of 24 bits.
+        // The same times 4,096, in 24 bits.
         _ => out.extend([0x00, 0x18, 0x00, 0x00, 0xe0, 0xff, 0x00, 0x04, 0x00]),
     }
     out.push(51);
     out.extend([0, 255, 128]);
     out.extend([160, 176, 0]);
     match version {
-        // x = 1, y and z nearly 0, which leaves nothing for w.
+        // x = 1, y and z nearly 0, so that nothing is left for w.
         1 | 2 => out.extend([255, 127, 128]),
         // The largest is x (index 0); y = −0.5, z = 0.25, w = 0.5 of 511 √2.
         _ => {
@@ -53,7 +53,7 @@ fn versions_1_to_3_are_read_as_described_and_turned_to_the_frame_of_ply() {
             assert!((opacity(&base, 0)[0] - 0.2).abs() < ROUNDING);
             let dc = [-0.5 / 0.15, 0.5 / 0.15, (128.0 / 255.0 - 0.5) / 0.15];
             assert!(vector(base.sh[0]).iter().zip(dc).all(|(a, b)| (a - b).abs() < ROUNDING));
-            // What is odd in y or z changes its sign.
+            // Harmonics odd in y or z change sign.
             assert_eq!(base.sh[1..], [[-0.5, 0.25, 1.0], [-127.0 / 128.0, 0.0, -1.0 / 128.0], [0.5, -0.5, 0.0]]);
             let [w, x, y, z] = base.quats[0];
             if version == 3 {
@@ -68,7 +68,7 @@ fn versions_1_to_3_are_read_as_described_and_turned_to_the_frame_of_ply() {
     }
 }
 
-/// What [`legacy`] holds, in the frame of PLY.
+/// The contents of [`legacy`], in PLY's frame.
 fn one() -> Scene {
     let base = Gaussians {
         sh_degree: 1,
@@ -94,7 +94,7 @@ fn versions_1_to_3_are_written_as_described() {
         let mut stream = Vec::new();
         flate2::read::GzDecoder::new(&written(&one(), version).unwrap()[..]).read_to_end(&mut stream).unwrap();
         let mut expected = legacy(version.into(), 1);
-        // As many bits after the point as there are, but in version 1.
+        // The stream's number of fraction bits is kept, except in version 1.
         expected[13] = stream[13];
         let at = if version == 1 { 22 } else { 25 };
         if version > 1 {
@@ -103,7 +103,8 @@ fn versions_1_to_3_are_written_as_described() {
             assert_eq!(fixed.collect::<Vec<i32>>(), [one + one / 2, -2 * one, one / 4]);
             expected.splice(16..25, stream[16..25].iter().copied());
         }
-        // 0.5 as a colour's byte, a turn about x alone, and a band of zeros, where the bytes of reading have other numbers.
+        // 0.5 as a colour's byte, a rotation about x alone, and a band of zeros: the written bytes differ
+        // from the original ones.
         let turn = if version < 3 { vec![255, 128, 128] } else { vec![0; 4] };
         let harmonics = at + 7 + turn.len();
         expected.splice(at + 7..harmonics, turn);
@@ -125,18 +126,19 @@ fn older_versions_come_back_within_half_a_step_and_3_as_4_does() {
     assert_eq!((&first.quats, &first.sh), (&second.quats, &second.sh));
     for (i, mean) in scene.base.means.iter().enumerate() {
         for (&before, &after) in mean.iter().zip(&first.means[i]) {
-            // 11 bits of float16, whose least number that is not denormal is 2⁻¹⁴.
+            // 11 bits of float16, whose smallest normal number is 2⁻¹⁴.
             let step = f64::from(before).abs().max(2f64.powi(-14)) * 2f64.powi(-10);
             assert!((f64::from(after) - f64::from(before)).abs() <= 0.5 * step + ROUNDING);
         }
-        // Half a step of 1 / 127.5 in each of x, y and z, δ; w is off by no more than the root of what its square is, 2 |δ| + |δ|².
+        // Half a step of 1 / 127.5 in each of x, y and z, δ; the error of w is at most the root of the error
+        // of its square, 2 |δ| + |δ|².
         let [a, b] = [scene.base.quats[i], second.quats[i]].map(|quat| {
             let length = quat.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
             quat.map(|v| f64::from(v) / length * f64::from(quat[0].signum()))
         });
         let off = (0..3).map(|axis| (a[axis + 1] - b[axis + 1]).abs()).fold(0.0, f64::max);
         let delta = 0.5 * 3f64.sqrt() / 127.5;
-        // Where w was lost the other three are together too long, by |δ| at most.
+        // If w was lost, the other three are too long in total, by at most |δ|.
         let lost = if second.quats[i][0] == 0.0 { delta } else { 0.0 };
         assert!(off <= 0.5 / 127.5 + lost + ROUNDING, "{off}");
         assert!((a[0] - b[0]).abs() <= (2.0 * delta + delta * delta).sqrt() + ROUNDING, "{a:?} {b:?}");
@@ -184,15 +186,15 @@ fn what_is_written_comes_back_within_half_a_step() {
             |g: &Gaussians, i: usize| log_scales(g, i).iter().map(|v| v.clamp(-10.0, 255.0 / 16.0 - 10.0)).collect();
         assert!(largest(a, b, sizes) <= 0.5 / 16.0 + ROUNDING);
         assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
-        // Within what a byte of colour holds.
+        // Within the range of a colour's byte.
         assert!(largest(a, b, harmonics(0)) <= 0.5 / 255.0 / 0.15 + ROUNDING);
         for band in 1..=degree as usize {
             let held =
                 |g: &Gaussians, i: usize| harmonics(band)(g, i).iter().map(|v| v.clamp(-1.0, 127.0 / 128.0)).collect();
             assert!(largest(a, b, held) <= 0.5 / 128.0 + ROUNDING, "band {band}");
         }
-        // Half a step in each of three components, and what follows for the fourth, which is the largest: at most twice as much of chord,
-        // twice that of angle.
+        // Half a step in each of three components, and the resulting error of the fourth, which is the
+        // largest: at most twice as much in chord, twice that in angle.
         let worst = turned(a, b);
         assert!(worst <= 2.0 * 2.0 * 3f64.sqrt() * 0.5 / (511.0 * 2f64.sqrt()), "{worst}");
     }
@@ -215,7 +217,7 @@ fn far_scenes_have_fewer_bits_and_too_far_ones_are_refused() {
 fn the_flag_for_antialiasing_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.spz");
-    // A flag that is not set is of a program that may know nothing of it.
+    // An unset flag may come from a program that does not know it.
     for (antialiased, told) in [(None, None), (Some(false), None), (Some(true), Some(true))] {
         let trained_with = TrainedWith { antialiased, ..Default::default() };
         write_scene_file(&path, &SceneFile { trained_with, ..SceneFile::from(sample(1, 2, 0)) }).unwrap();
@@ -241,7 +243,7 @@ fn extensions_are_skipped_but_for_that_of_the_frame() {
         |kind: u32, payload: &[u8]| [&kind.to_le_bytes()[..], &(payload.len() as u32).to_le_bytes(), payload].concat();
     let unknown = record(0x1234_0001, &[7; 12]);
     assert_eq!(read("a.spz", &with_extensions(&bytes, &unknown)).unwrap().scene, plain);
-    // 6 is x right, y down, z front, PLY's own: the numbers stay as they are in the file.
+    // 6 is x right, y down, z front, PLY's own frame: the file's numbers stay unchanged.
     let frame = |system: u32| [unknown.clone(), record(0xADBE_0003, &system.to_le_bytes())].concat();
     let turned = read("a.spz", &with_extensions(&bytes, &frame(6))).unwrap().scene.base;
     let [x, y, z] = plain.base.means[0];
@@ -251,7 +253,7 @@ fn extensions_are_skipped_but_for_that_of_the_frame() {
     refused("a.spz", &with_extensions(&bytes, &frame(9)), &["0xadbe0003", "expected 0 to 8"]);
     let long = [&0x1234_0001u32.to_le_bytes()[..], &100u32.to_le_bytes(), &[0; 3]].concat();
     refused("a.spz", &with_extensions(&bytes, &long), &["extension 0x12340001 of 100 bytes", "3 are left"]);
-    // Up to version 3 they come last.
+    // Up to version 3 extensions come last.
     let mut legacy = legacy(3, 1);
     legacy[14] = 2;
     let wanted = read("b.spz", &zipped(&legacy)).unwrap().scene;
@@ -275,7 +277,7 @@ fn damage_is_an_error() {
     broken[16..18].copy_from_slice(&[0x00, 0x7e]);
     refused("broken.spz", &zipped(&broken), &["row 0: `x` is not a finite number"]);
     dropped("broken.spz", &zipped(&broken), 1, 0);
-    // A header promises; the file is too small for it to be true.
+    // The file is too small for the count in its header.
     refused("bomb.spz", &zipped(&legacy(3, u32::MAX)), &["4294967295 Gaussians", "expected no more than"]);
     let promising = |at: usize, byte: u8| {
         let mut bytes = bytes.clone();

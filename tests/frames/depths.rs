@@ -1,4 +1,4 @@
-//! Depths that come in and go out.
+//! Depths as input and as output of frames.
 
 use super::*;
 
@@ -13,19 +13,19 @@ fn a_mesh_hides_what_is_behind_it_in_every_form_of_depth() {
     let mut engine = Engine::new(&gpu, 1);
     let float = Float::new(&gpu, camera.pixels());
     let view = View::from_camera(&camera).rounded();
-    // A tilted quad from 1 to 6 units, in the left two thirds; behind the rest is nothing.
+    // A tilted quad from 1 to 6 units, in the left two thirds; nothing behind the rest.
     let quad = |pixel: usize| match pixel % 53 < 35 {
         true => Some(1.0 + 5.0 * (pixel / 53) as f64 / 41.0),
         false => None,
     };
-    // Gaussians beyond the far plane are drawn, where nothing is before them.
+    // Gaussians beyond the far plane are drawn, unless something is in front of them.
     let beyond = twin(&scene, &view, |_| FAR);
     let all = twin(&scene, &view, |_| f64::INFINITY);
     assert!(all.iter().zip(&beyond).filter(|(a, b)| (a.0[3] - b.0[3]).abs() > 0.05).count() > 100);
     for (form, projection) in FORMS {
         let depth = |pixel: usize| quad(pixel).map_or(form.empty(), |z| (form.a + form.b / z) as f32);
         let depths: Vec<u32> = (0..pixels).map(|p| depth(p).to_bits()).collect();
-        // What float32 leaves of the quad.
+        // The quad's depth after rounding to float32.
         let farthest = |pixel: usize| match quad(pixel) {
             Some(_) => form.b as f32 as f64 / (f64::from(depth(pixel)) - f64::from(form.a as f32)),
             None => f64::INFINITY,
@@ -64,10 +64,10 @@ fn a_mesh_hides_what_is_behind_it_in_every_form_of_depth() {
             assert!(calm > pixels * 8 / 10 && hidden > pixels / 2, "{calm} {hidden}");
         }
     }
-    // The quad hides something, or all this would show nothing.
+    // The quad hides something; otherwise the test would prove nothing.
     let some = twin(&scene, &view, |p| quad(p).unwrap_or(1e9));
     assert!(all.iter().zip(&some).filter(|(a, b)| (a.0[3] - b.0[3]).abs() > 0.05).count() > pixels / 4);
-    // Made for depths, and none are there: as if nothing hid anything.
+    // Limits with depths, but a view without: nothing is hidden.
     let seen = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..FrameView::new(camera) };
     let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[seen] };
     engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
@@ -98,7 +98,7 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
         let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
         engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
     };
-    // An image of every format has the same bits, and so has a buffer.
+    // Images of every format give the same bits, and so does a buffer.
     let in_buffer = Pixels::Buffer(BufferRange { buffer: ids.raw().handle(), offset: 0 });
     for (depth, ids) in images.iter().zip([in_buffer, Pixels::Image(image), in_buffer]) {
         draw(*depth, ids);
@@ -107,7 +107,7 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
     assert_eq!(engine.read(&mut image, [53, 41], 1), ids);
     let [got, others @ ..] = images.each_mut().map(|image| engine.read(image, [53, 41], 1));
     assert!(others.iter().all(|other| *other == got));
-    // Which Gaussian it is the twin says too, and the depth is of that one.
+    // The twin gives the same Gaussian, and the depth is that Gaussian's.
     let (params, view) = (Params::from_scene(&scene).unwrap(), View::from_camera(&camera).rounded());
     let options = Options { active_degree: params.sh_degree, ..Default::default() };
     let projected = project(&params, &view, &options);
@@ -129,7 +129,7 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
                 assert_eq!(got, f64::from(form.empty()), "{what}, pixel {pixel}");
             } else {
                 seen += 1;
-                // As for depths in `verify`: a flat Gaussian's ray has few digits.
+                // The tolerance of depths in `verify`: a flat Gaussian's ray has few digits.
                 let (want, off) = (depth(scale * z, [form.a, form.b]), 1e-3 * (form.b / (scale * z)).abs());
                 assert!((got - want).abs() < off, "{what}, scale {scale}, pixel {pixel}: {got} {want}");
                 [f64::from(form.empty()), 1.0 - f64::from(form.empty())].iter().zip(&mut beyond).for_each(
@@ -143,7 +143,8 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
         beyond
     };
     check(&got, &ids, form, 1.0, "images");
-    // Where the scene stands turned, moved and scaled, and the camera with it, the same is seen as many times as far away.
+    // If the scene and the camera are rotated, moved and scaled together, the view is the same at scaled
+    // distances.
     let [depth_to, ids_to] = [0, 1].map(|_| Buffer::<u32>::zeroed(&gpu, "words", camera.pixels() as usize).unwrap());
     let mut drawn = |form: DepthForm, scale: f64, what: &str| {
         let transform = Transform {
@@ -169,8 +170,8 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
             drawn(form, scale, projection);
         }
     }
-    // A buffer holds no depth beyond its ends: Gaussians beyond the far plane have that plane's, and those before the near plane, where
-    // glint's own is nearer, have the near one's.
+    // Depths are clamped to the ends of the range: Gaussians beyond the far plane have that plane's depth,
+    // and those in front of the near plane (if glint's own is nearer) the near plane's.
     let (near, far) = (1.0, 3.0);
     for form in [DepthForm::standard(near, far), DepthForm { a: -near / (far - near), b: near * far / (far - near) }] {
         let beyond = drawn(form, 1.0, "a near far plane");
@@ -182,7 +183,8 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
 fn matrices_of_renderers_are_the_cameras_they_stand_for() {
     let camera = random_camera(640, 480);
     let (w, h) = (640.0, 480.0);
-    // Vulkan's own way (y down, z forward) and OpenGL's view space (y up, z backward), each with its projection.
+    // Vulkan's convention (y down, z forward) and OpenGL's view space (y up, z backward), each with its
+    // projection.
     let rows = |x: DVec3, y: DVec3, z: DVec3, t: DVec3| {
         DMat4::from_cols(
             DVec4::new(x.x, y.x, z.x, 0.0),
@@ -205,13 +207,13 @@ fn matrices_of_renderers_are_the_cameras_they_stand_for() {
         let point = DVec3::new(0.3, -0.7, 4.0);
         let (a, b) = (seen.camera.project(point), camera.project(point));
         assert!((a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9 && (a.2 - b.2).abs() < 1e-9, "{a:?} {b:?}");
-        // And it is where the matrices put it.
+        // And the matrices put it there.
         let clip = projection * view * point.extend(1.0);
         assert!(((clip.x / clip.w + 1.0) * w / 2.0 - a.0).abs() < 1e-9);
         assert!(((clip.y / clip.w + 1.0) * h / 2.0 - a.1).abs() < 1e-9);
         assert!((clip.z / clip.w - (seen.depth_form.a + seen.depth_form.b / a.2)).abs() < 1e-12);
         assert_eq!((seen.depth_form, seen.near), (DepthForm::reversed_infinite(near), near));
-        // The near plane is the projection's own, of whatever form.
+        // The near plane is the projection's, for every form.
         for (form, name) in FORMS {
             let column = DVec4::new(0.0, 0.0, form.b, 0.0);
             let z_axis = DVec4::new(projection.z_axis.x, projection.z_axis.y, flip * form.a, flip);
@@ -226,7 +228,7 @@ fn matrices_of_renderers_are_the_cameras_they_stand_for() {
         let skewed = DMat4 { y_axis: DVec4::new(0.1, projection.y_axis.y, 0.0, 0.0), ..projection };
         assert!(FrameView::from_matrices(view, skewed, 640, 480).is_err());
         assert!(FrameView::from_matrices(2.0 * view, projection, 640, 480).is_err());
-        // A rotation and a translation are divided by nothing.
+        // A view matrix must be rigid, with a last row of 0, 0, 0, 1.
         for last in [DVec4::new(0.0, 0.0, 0.5, 1.0), DVec4::new(0.0, 0.0, 0.0, 2.0)] {
             let mut columns = [view.x_axis, view.y_axis, view.z_axis, view.w_axis];
             columns.iter_mut().zip(last.to_array()).for_each(|(column, w)| column.w = w);
@@ -241,7 +243,7 @@ fn matrices_of_renderers_are_the_cameras_they_stand_for() {
     assert!((form.a + form.b / 0.5).abs() < 1e-12 && (form.a + form.b / 20.0 - 1.0).abs() < 1e-12);
 }
 
-/// An off-axis projection, as of one eye or of one screen of a wall: its axis is beside the picture.
+/// An off-axis projection, like that of one eye or of one screen of a wall: its axis is outside the picture.
 #[test]
 fn an_off_axis_frustum_shows_its_part_of_the_picture() {
     let gpu = Gpu::with(ContextOptions::from_env());
@@ -249,13 +251,13 @@ fn an_off_axis_frustum_shows_its_part_of_the_picture() {
     let (x, y, w, h) = (56, 20, 40, 52);
     let camera = Camera { width: w, height: h, cx: whole.cx - f64::from(x), cy: whole.cy - f64::from(y), ..whole };
     let mut scene = random_scene(7, 900, 0, 0);
-    // What neither picture clamps.
+    // Gaussians that neither picture clamps.
     let kept = |mean: &[f32; 3]| {
         let (px, py, _) = camera.project(DVec3::from_array(mean.map(f64::from)));
         (-0.15..1.15).contains(&(px / f64::from(w))) && (-0.15..1.15).contains(&(py / f64::from(h)))
     };
     let keep: Vec<bool> = scene.base.means.iter().map(kept).collect();
-    // Without a logit that shows, a Gaussian is not there.
+    // With a very low logit, a Gaussian counts as missing.
     scene.base.opacities.iter_mut().zip(&keep).filter(|(_, keep)| !**keep).for_each(|(logit, _)| *logit = -30.0);
     let view = DMat4::from_mat3(camera.rotation);
     let view = DMat4 { w_axis: camera.translation.extend(1.0), ..view };

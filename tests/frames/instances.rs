@@ -1,8 +1,8 @@
-//! Models that stand in a world.
+//! Models placed in a world.
 
 use super::*;
 
-/// Moves all Gaussians of a scene of degree 0: rotating harmonics is more than a test should do.
+/// Transforms all Gaussians of a scene of degree 0, since rotating harmonics is too much for a test.
 fn move_all(params: &mut Params, t: &Transform) {
     let stride = params.stride;
     for i in 0..params.count {
@@ -58,14 +58,14 @@ fn two_halves_of_a_scene_that_stand_where_it_stands_are_the_scene() {
         scale: 1.7,
         translation: DVec3::new(0.4, -0.3, 0.2),
     };
-    // The camera goes with it, so that the same is seen.
+    // The camera moves along, so that the view stays the same.
     let moved_camera = gone_with(&camera, &transform);
     let mut world = Params::from_scene(&scene).unwrap();
     move_all(&mut world, &transform);
     let near = 0.2 * transform.scale;
     let want = twin_of(&world, &View { near, ..View::from_camera(&moved_camera) }.rounded(), |_| f64::INFINITY);
     let halves = [false, true].map(|second| {
-        // Models that count from elsewhere stand where they stand all the same.
+        // The origin of a model's coordinates does not change its place.
         let origin = if second { DVec3::new(3.0, 1.0, -2.0) } else { DVec3::ZERO };
         Model::upload_around(&gpu, origin, &half_of(&scene, second), model::Room::default()).unwrap()
     });
@@ -99,10 +99,10 @@ fn two_halves_of_a_scene_that_stand_where_it_stands_are_the_scene() {
             }
         }
     }
-    // A coordinate of 10 units in float32 is off by 1e-6 of a pixel of 0.03 units near by, where an edge's slope is 1 for a pixel; on the
-    // whole a tenth of it.
+    // A coordinate of 10 units in float32 is off by 1e-6 of a pixel (0.03 units nearby), and an edge has a
+    // slope of 1 per pixel; on average a tenth of that.
     assert!(calm > 2000 && off < 4e-5 && (squares / calm as f64).sqrt() < 4e-6, "{calm} {off:e} {squares:e}");
-    // Where both count from one origin, they are the scene to the last bit.
+    // If both have the same origin, they equal the scene to the last bit.
     let (whole, parts) = (
         Model::upload(&gpu, &scene, 0).unwrap(),
         [false, true].map(|b| Model::upload(&gpu, &half_of(&scene, b), 0).unwrap()),
@@ -113,12 +113,12 @@ fn two_halves_of_a_scene_that_stand_where_it_stands_are_the_scene() {
         engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
         float.pixels()
     };
-    // Equal depths would fall in another order: the supplement's halves lie between the base's.
+    // Equal depths would be in another order: the halves of the supplement lie between those of the base.
     assert_eq!(image(&[&whole]), image(&[&parts[0], &parts[1]]));
     let ids = ids.download().unwrap();
     let of = |k: usize| ids.iter().filter(|&&id| id != u32::MAX && (id >= halves[0].capacity()) == (k == 1)).count();
     assert!(of(0) > 100 && of(1) > 100 && ids.iter().all(|&id| id == u32::MAX || id < 1200), "{} {}", of(0), of(1));
-    // Without any there is the background alone.
+    // Without instances only the background is drawn.
     let empty = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..view };
     engine.run(|commands| {
         unsafe { frames.record(commands, &Frame { slot: 0, instances: &[], views: &[empty] }) }.unwrap()

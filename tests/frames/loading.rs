@@ -34,7 +34,7 @@ fn a_scene_loads_in_the_callers_commands_and_submits_nothing() {
     assert_eq!((back.base.means, back.base.sh), (scene.base.means, scene.base.sh));
 }
 
-/// Its counts and dispatches would be what the memory holds: a frame could take for ever.
+/// Its counts and dispatches would be uninitialised: a frame might never end.
 #[test]
 fn an_upload_that_was_not_recorded_is_no_model() {
     let (gpu, other) = (Gpu::new(), Gpu::new());
@@ -44,7 +44,7 @@ fn an_upload_that_was_not_recorded_is_no_model() {
         other => panic!("{other:?}"),
     };
     refused(prepare().finish().map(drop), "not recorded");
-    // Nor is it recorded where the recorder is of another device.
+    // Recording is refused if the recorder is of another device.
     let upload = prepare();
     refused(upload.record(&mut other.recorder("elsewhere").unwrap()), "another context");
     assert!(!upload.is_recorded());
@@ -54,8 +54,9 @@ fn an_upload_that_was_not_recorded_is_no_model() {
     assert_eq!(upload.finish().unwrap().counts().unwrap(), [60, 20]);
 }
 
-/// One thread draws without a pause while another loads, three scenes one after the other: each is prepared, recorded, run and finished
-/// while frames come and go, and drawn from the next frame on. Both submit to one queue, as the engine's own lock lets them.
+/// One thread draws continuously while another loads three scenes, one after the other. Each is prepared,
+/// recorded, run and finished between frames, and drawn from the next frame on. Both threads submit to one
+/// queue, under the engine's lock.
 #[test]
 fn scenes_load_in_one_thread_while_another_draws() {
     let gpu = Gpu::new();
@@ -63,7 +64,7 @@ fn scenes_load_in_one_thread_while_another_draws() {
     let scenes: Vec<Scene> = (0..4).map(|seed| random_scene(30 + seed, 250, 60, 1)).collect();
     let first = Model::upload(&gpu, &scenes[0], 0).unwrap();
     let mut frames = Frames::new(&gpu, Limits { in_flight: 3, ..wide(Limits::of(&first, 48, 40)) }).unwrap();
-    // Slot k shows the scene that was there when it was recorded last.
+    // Slot k shows the scene that was current when it was last recorded.
     let targets = [0, 1, 2].map(|_| Float::new(&gpu, 48 * 40));
     let submitted = gpu.counters().submissions;
     let (drawn, done) = (AtomicU32::new(0), AtomicBool::new(false));
@@ -71,7 +72,7 @@ fn scenes_load_in_one_thread_while_another_draws() {
     let (models, shown, during) = std::thread::scope(|s| {
         let loading = s.spawn(|| {
             let engine = Engine::new(&gpu, 1);
-            // Frames that were drawn between the begin and the end of a load.
+            // Frames drawn between start and end of a load.
             let mut during = Vec::new();
             for scene in &scenes[1..] {
                 let before = drawn.load(Relaxed);
@@ -124,14 +125,14 @@ fn scenes_load_in_one_thread_while_another_draws() {
         (models, shown, loading.join().unwrap())
     });
     assert_eq!((models.len(), shown), (4, [3; 3]));
-    // Of every load at least two frames were drawn meanwhile, and glint itself submitted nothing.
+    // At least two frames were drawn during every load, and glint itself submitted nothing.
     assert!(during.len() == 3 && during.iter().all(|&frames| frames >= 2), "{during:?}");
     assert_eq!(gpu.counters().submissions, submitted);
     let want = rendered(&gpu, &scenes[3], &camera);
     for target in &targets {
         assert!(target.pixels().iter().zip(&want).all(|(g, w)| g[..3] == w[..3]));
     }
-    // What was loaded is whole: each scene as it would have been uploaded alone.
+    // Every scene was loaded completely, as by a separate upload.
     for (model, scene) in models.iter().zip(&scenes) {
         let back = model.download().unwrap();
         assert_eq!((back.base.means, back.base.sh), (scene.base.means.clone(), scene.base.sh.clone()));

@@ -1,4 +1,4 @@
-//! Frames in somebody else's renderer: images, depths, instances, slots, and what is refused.
+//! Frames in another renderer: images, depths, instances, slots, and refused frames.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -66,7 +66,7 @@ use glint::{
     },
 };
 
-/// Counts what this thread takes from the heap.
+/// Counts this thread's heap allocations.
 struct Counting;
 
 thread_local! {
@@ -89,7 +89,7 @@ static HEAP: Counting = Counting;
 
 const GREY: [f32; 3] = [0.5, 0.25, 0.75];
 
-/// A target that takes a frame's float32 colours.
+/// A target for a frame's float32 colours.
 struct Float(Buffer<u32>);
 
 impl Float {
@@ -112,7 +112,7 @@ fn wide(limits: Limits) -> Limits {
     Limits { texel: Texel::Rgba32F, ..limits }
 }
 
-/// What the renderer of the command line makes of it: RGB over grey, and transmittance.
+/// The result of the command line's renderer: RGB over grey, and transmittance.
 fn rendered(gpu: &Context, scene: &Scene, camera: &Camera) -> Vec<[f32; 4]> {
     let views = Views::upload(gpu, &[*camera], &[]).unwrap();
     let model = Model::upload(gpu, scene, 0).unwrap();
@@ -134,7 +134,7 @@ fn images_of_every_format_have_what_glint_renders() {
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 80, 60))).unwrap();
     let mut engine = Engine::new(&gpu, 1);
-    // Larger than the view: the rest must stay as it was.
+    // Larger than the view: the rest must stay unchanged.
     let (width, height, offset) = (80, 60, [7, 5]);
     let formats = [
         vk::Format::R32G32B32A32_SFLOAT,
@@ -168,14 +168,14 @@ fn images_of_every_format_have_what_glint_renders() {
             for c in 0..3 {
                 match texel {
                     Texel::Rgba32F => assert_eq!(f32::from_bits(word[c]), want[c]),
-                    // The nearest half, or where the rounding of a kernel is another's, the next.
+                    // The nearest half, or the next one if a kernel rounds differently.
                     Texel::Rgba16F => {
                         let got = u16::from_le_bytes([bytes[2 * c], bytes[2 * c + 1]]);
                         assert!(got.abs_diff(f16::from_f32(want[c]).to_bits()) <= 1, "{got} {}", want[c]);
                     }
                     Texel::Rgba8 | Texel::Bgra8 => {
                         let got = bytes[if texel == Texel::Bgra8 { 2 - c } else { c }];
-                        // Half a step, and the rounding of 255 times a float32.
+                        // Half a step, plus the rounding of 255 times a float32.
                         let off = f32::from(got) / 255.0 - want[c].clamp(0.0, 1.0);
                         assert!(off.abs() <= 0.5 / 255.0 + 1e-6, "{got} {}", want[c]);
                     }
@@ -187,7 +187,7 @@ fn images_of_every_format_have_what_glint_renders() {
     assert_eq!(Texel::of(vk::Format::R8_UNORM), None);
 }
 
-/// The twin's image of what is before `farthest`, and the margin of each pixel's decisions.
+/// The twin's image of everything in front of `farthest`, with each pixel's margin of decisions.
 fn twin(scene: &Scene, view: &View, farthest: impl Fn(usize) -> f64 + Sync) -> Vec<([f64; 4], f64)> {
     twin_of(&Params::from_scene(scene).unwrap(), view, farthest)
 }
@@ -201,14 +201,14 @@ fn twin_of(params: &Params, view: &View, farthest: impl Fn(usize) -> f64 + Sync)
     blended.image.into_iter().zip(&blended.margins).map(|(p, m)| (p, m.image())).collect()
 }
 
-/// A decision within this of its threshold may fall otherwise in float32: a thousand times its rounding, as sums of a hundred terms and
-/// differences of coordinates take away two or three digits.
+/// Relative distance from a threshold within which float32 may decide differently: a thousand times its
+/// rounding, as sums of a hundred terms and differences of coordinates lose two or three digits.
 const NEAR: f64 = 1e-4;
 
-/// The far plane of projections that have one: nearer than a third of the Gaussians.
+/// The far plane of projections that have one: a third of the Gaussians are beyond it.
 const FAR: f64 = 7.0;
 
-/// Every kind of projection, of a near plane at 0.2.
+/// Every kind of projection, with a near plane at 0.2.
 const FORMS: [(DepthForm, &str); 4] = [
     (DepthForm { a: 0.0, b: 0.2 }, "reversed, infinite"),
     (DepthForm { a: -0.2 / (FAR - 0.2), b: 0.2 * FAR / (FAR - 0.2) }, "reversed"),
@@ -216,7 +216,7 @@ const FORMS: [(DepthForm, &str); 4] = [
     (DepthForm { a: FAR / (FAR - 0.2), b: -0.2 * FAR / (FAR - 0.2) }, "standard"),
 ];
 
-/// A camera of the world that sees a model which stands in it as `camera` sees the model alone.
+/// A world camera that sees a placed model in the same way as `camera` sees the model alone.
 fn gone_with(camera: &Camera, transform: &Transform) -> Camera {
     let rotation = camera.rotation * DMat3::from_quat(transform.rotation).transpose();
     let translation = transform.scale * camera.translation - rotation * transform.translation;
@@ -228,7 +228,7 @@ fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
     let gpu = Gpu::new();
     let (scene, camera) = (random_scene(3, 500, 100, 1), random_camera(40, 30));
     let plain = {
-        // Over black, as the frames' own.
+        // Over black, as in the frames.
         let model = Model::upload(&gpu, &scene, 0).unwrap();
         let views = Views::upload(&gpu, &[camera], &[]).unwrap();
         let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, RenderOptions::default()).unwrap();
@@ -251,14 +251,15 @@ fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
                 engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
                 let to = To { blend: number, linear, exposure: exposure.into(), background: GREY.map(f64::from) };
                 for (p, got) in float.pixels().iter().enumerate() {
-                    // Over black; an opaque target's own background does not become brighter.
+                    // Over black; exposure does not brighten an opaque target's background.
                     let t = f64::from(plain.transmittance[p]);
                     let behind = |c: usize| if to.whole() { t * f64::from(GREY[c]) } else { 0.0 };
                     let colour = [0, 1, 2].map(|c| f64::from(plain.color[3 * p + c]) + behind(c));
                     let rendered = [colour[0], colour[1], colour[2], t];
                     let want = to.resolve(rendered, below(p).map(f64::from));
                     for k in 0..4 {
-                        // A power in float32 is good to 1e-5 of its value, which exposure and light make up to 6.
+                        // A power in float32 is accurate to 1e-5 of its value; exposure and light raise
+                        // values up to 6.
                         let off = (f64::from(got[k]) - want[k]).abs();
                         assert!(off < 2e-5 * want[k].max(1.0), "{blend:?} {linear} {exposure} {p}: {got:?} {want:?}");
                     }
@@ -268,7 +269,7 @@ fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
     }
 }
 
-/// Base and supplement have degrees of their own, and pipelines, bytes and images are those of each.
+/// Base and supplement have separate degrees, and so have pipelines, bytes and images.
 #[test]
 fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
     let gpu = Gpu::new();
@@ -286,7 +287,7 @@ fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
         let words = |degree: u32| if half { sh_planes(degree).div_ceil(2) } else { sh_planes(degree) };
         let planes = model::Segment::ALL.map(|segment| model.part(segment).sh.planes());
         assert_eq!(planes, [base, lobed].map(words));
-        // What the device was given, halves too.
+        // The values on the device, rounded to half if so.
         let params = Params::from_scene(&model.download().unwrap()).unwrap();
         for degree in [model.sh_degree, 1, 0] {
             let options = Options { active_degree: degree, ..Default::default() };
@@ -304,8 +305,9 @@ fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
             for ((got, want), margin) in float.pixels().iter().zip(&want.image).zip(&want.margins) {
                 if margin.image() > NEAR {
                     compared += 1;
-                    // float32's 6e-8 of colours up to 4, in sums of some hundred terms. A half that is rounded the other way is off by
-                    // 2^-11 of them, and one in some hundred is, of which a pixel sees a part.
+                    // float32's 6e-8 of colours up to 4, in sums of some hundred terms. A half rounded the
+                    // other way is off by 2^-11; this happens to one in a few hundred, and a pixel sees a
+                    // part of it.
                     let most = if half { 5e-4 } else { 1e-4 };
                     (0..3).for_each(|c| assert!((f64::from(got[c]) - want[c]).abs() < most, "{got:?} {want:?}"));
                 }
@@ -336,12 +338,13 @@ fn a_model_of_half_width_takes_128_bytes_and_looks_the_same() {
     engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
     let got: Vec<[f32; 4]> = float.pixels().iter().zip(&want).map(|(p, w)| [p[0], p[1], p[2], w[3]]).collect();
     let off = largest_difference(&got, &want);
-    // A coefficient of 2 is off by 2^-11 of itself at most: a colour by half a step of 8 bits, at most, of which most errs by far less and
-    // pixels are means. A splat's colour is off by 2^-12 of 1, its opacity by 8e-6, scales by as much of themselves, and an axis of 100 px by
-    // 3e-4 px. (An α within 1e-5 of 1/255 may fall on the other side and is worth up to a step then, which no pixel here has.)
+    // A coefficient of 2 is off by at most 2^-11 of itself: a colour by at most half a step of 8 bits. Most
+    // errors are far smaller, and pixels are means. A splat's colour is off by 2^-12 of 1, its opacity by
+    // 8e-6, scales by the same relative to themselves, and an axis of 100 px by 3e-4 px. (An α within 1e-5 of
+    // 1/255 may fall on the other side; that is worth up to a step, but no pixel here has one.)
     println!("off by {off:.1e}");
     assert!(off > 0.0 && off < 0.5 / 255.0, "{off}");
-    // What comes back is what the model holds.
+    // Download returns the model's values.
     let back = model.download().unwrap();
     for (got, want) in back.base.log_scales.iter().flatten().zip(scene.base.log_scales.iter().flatten()) {
         assert!((got - want).abs() < 1e-5, "{got} {want}");
@@ -356,7 +359,7 @@ fn a_model_of_half_width_takes_128_bytes_and_looks_the_same() {
     assert_eq!((&back.base.means, &back.base.opacities), (&scene.base.means, &scene.base.opacities));
 }
 
-/// The device as an engine would lend it, with counters before its functions.
+/// The device as lent by an engine, with counted functions.
 fn lent(gpu: &Gpu) -> Context {
     let entry = unsafe { ash::Entry::load() }.unwrap();
     let (instance, device) = counting::counted(&entry, gpu.instance(), gpu.device());
@@ -385,7 +388,8 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing_and_leave_nothing() {
     let limits = Limits { in_flight: 3, views: 2, timings: true, depth_in: true, ..wide(Limits::of(&model, 48, 40)) };
     let mut frames = Frames::new(&gpu, limits.clone()).unwrap();
     let mut engine = Engine::new(&gpu, 3);
-    // Of each slot and eye a buffer, and an image for every second frame, in which a wall hides what is farther than 3 units.
+    // A buffer per slot and eye, and an image for every second frame; in that a wall hides everything beyond
+    // 3 units.
     let buffers = [0, 1, 2].map(|_| [Float::new(&gpu, 48 * 40), Float::new(&gpu, 48 * 40)]);
     let mut images = [0, 1, 2].map(|_| [0, 1].map(|_| engine.image(vk::Format::R8G8B8A8_UNORM, 48, 40)));
     let walls = Buffer::from_slice(&gpu, "wall", &[(0.2f32 / 3.0).to_bits(); 48 * 40]).unwrap();
@@ -404,7 +408,7 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing_and_leave_nothing() {
         camera.rotation = DMat3::from_rotation_y(f64::from(n % 29) * 0.01) * camera.rotation;
         camera
     };
-    // The same alone, with nothing else on its way.
+    // The same frame alone, with nothing else in flight.
     let mut calm = Frames::new(&gpu, Limits { in_flight: 1, ..limits }).unwrap();
     let mut beside = Engine::new(&gpu, 1);
     let mut alone = beside.image(vk::Format::R8G8B8A8_UNORM, 48, 40);
@@ -414,7 +418,7 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing_and_leave_nothing() {
         let slot = n % 3;
         let commands = engine.begin(slot);
         let eyes = [camera(n), camera(n + 500)];
-        // The slot's last frame has run: some of them are looked at.
+        // The slot's last frame has run; sample some of them.
         if n >= 3 && n % 167 == 4 {
             for eye in 0..2 {
                 let seen = camera(n - 3 + 500 * eye as u32);
@@ -461,7 +465,7 @@ fn a_thousand_frames_submit_allocate_and_wait_for_nothing_and_leave_nothing() {
 
 #[test]
 fn a_second_renderer_makes_no_pipelines() {
-    // A device of its own: other tests make the same.
+    // A separate device: other tests make the same pipelines.
     let gpu = Context::new(&ContextOptions::from_env()).unwrap();
     let model = Model::upload(&gpu, &random_scene(1, 50, 10, 1), 0).unwrap();
     let limits = Limits::of(&model, 32, 24);
@@ -470,7 +474,7 @@ fn a_second_renderer_makes_no_pipelines() {
     assert!(made > 10);
     let second = std::thread::scope(|s| s.spawn(|| Frames::new(&gpu, limits.clone()).unwrap()).join().unwrap());
     assert_eq!(gpu.counters().pipelines, made);
-    // Their handles can be had, each with what it was made of.
+    // The context lists their handles, each with its constants.
     let handles = gpu.pipelines();
     assert_eq!(handles.len() as u64, made);
     for pipeline in &handles {
@@ -482,14 +486,14 @@ fn a_second_renderer_makes_no_pipelines() {
         assert!(!nothing && known.count() == kernel.constants.len(), "{pipeline:?}");
     }
     assert!(handles.windows(2).all(|pair| pair[0] < pair[1]) && handles.iter().any(|p| p.kernel == "blend"));
-    // Of other degrees there is one more for each segment.
+    // Other degrees add one pipeline per segment.
     let third = Frames::new(&gpu, Limits { degrees: vec![0], lobe_degrees: vec![0], ..limits.clone() }).unwrap();
     assert_eq!(gpu.counters().pipelines, made + 2);
-    // What is dropped leaves its pipelines to the next.
+    // Dropped frames leave their pipelines to the next.
     drop((first, second, third));
     let _fourth = Frames::new(&gpu, limits).unwrap();
     assert_eq!(gpu.counters().pipelines, made + 2);
-    // Nor does another context of the device.
+    // Another context of the device makes none either.
     let again = gpu.again(&ContextOptions::from_env()).unwrap();
     let model = Model::upload(&again, &random_scene(1, 50, 10, 1), 0).unwrap();
     let _fifth = Frames::new(&again, Limits::of(&model, 32, 24)).unwrap();

@@ -1,4 +1,4 @@
-//! What is refused before anything is recorded.
+//! Frames that are refused before anything is recorded.
 
 use super::*;
 
@@ -81,13 +81,13 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     refused(0, &[own], FrameView { color, ..view }, "format B8G8R8A8_UNORM, whose texels are not Rgba8");
     let color = of(vk::Format::R16_UNORM, Texel::Rgba16F);
     refused(0, &[own], FrameView { color, ..view }, "format R16_UNORM");
-    // Where there is nothing, where the copy could not be made, and where it would mean something else.
+    // Missing targets, impossible copies, and copies with another meaning.
     let small = Target { exposure: 1.0, ..small };
     let to = |pixels| Some(Target { pixels, ..small });
     refused(0, &[own], FrameView { color: to(imaged(vk::Format::R8G8B8A8_UNORM)), ..view }, "an image that is null");
     let nowhere = Pixels::Buffer(BufferRange { buffer: vk::Buffer::null(), offset: 0 });
     refused(0, &[own], FrameView { color: to(nowhere), ..view }, "a buffer that is null");
-    // No image's: nothing is recorded with it.
+    // Not a real image: nothing is recorded with it.
     let some = vk::Image::from_raw(1);
     let region = ImageRegion::of(some, vk::Format::R8G8B8A8_SRGB, vk::ImageLayout::GENERAL);
     let srgb = |light, blend| Some(Target { pixels: Pixels::Image(region), light, blend, ..small });
@@ -116,7 +116,7 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     let mut elsewhere = other.recorder("elsewhere").unwrap();
     let said = unsafe { frames.record_into(&mut elsewhere, &null) }.unwrap_err().to_string();
     assert!(said.contains("a recorder of another context") && elsewhere.finish().is_empty(), "{said}");
-    // What has other texels than depths and numbers would be read as such.
+    // Other texels would be misread as depths or numbers.
     let limits = Limits { depth_in: true, depth_out: true, ..Limits::of(&model, 32, 24) };
     let mut deep = Frames::new(&gpu, limits).unwrap();
     let mut refused = |view: FrameView, words: &str| {
@@ -152,7 +152,7 @@ fn what_cannot_be_is_refused_and_records_nothing() {
         (Limits { degrees: vec![], ..fits.clone() }, "0 degrees"),
         (Limits { degrees: vec![5], ..fits.clone() }, "degree 5"),
         (Limits { lobe_degrees: vec![u32::MAX], ..fits.clone() }, "degree 4294967295"),
-        // What 32 bits do not count would be taken for less.
+        // Sizes beyond 32 bits would wrap around.
         (Limits { width: 1 << 16, height: 1 << 16, ..fits.clone() }, "too large"),
         (Limits { width: 1 << 16, height: 1 << 14, texel: Texel::Rgba32F, ..fits.clone() }, "too large"),
         (Limits { views: 2, instances: 1 << 31, ..fits.clone() }, "2147483648 instances are too many"),
@@ -167,7 +167,7 @@ fn what_cannot_be_is_refused_and_records_nothing() {
             }
         }
     }
-    // What can be counted, and no device has, is refused by the device; the plan says how much it would be.
+    // Sizes that can be counted but exceed every device are refused by the device; the plan gives the size.
     let most =
         Limits { gaussians: u32::MAX, instances: u32::MAX, width: u32::MAX, height: 1, texel: Texel::Rgba8, ..fits };
     let plan = most.plan(gpu.info()).unwrap();

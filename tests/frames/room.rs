@@ -1,4 +1,4 @@
-//! Room for intersections, and plans of all that is held.
+//! Room for intersections, and plans of all memory.
 
 use super::*;
 
@@ -26,8 +26,9 @@ fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
     let report = frames.report(0).unwrap();
     let needed = report.needed.expect("300 intersections are too few");
     assert!(needed > 1000 && report.intersections == 300 && report.visible > 100, "{report:?}");
-    // In the order of depth Gaussians take as many places as they touch tiles. The last that finds room may find it for some of its
-    // tiles only; of what comes before, every pixel is the twin's of these alone, and of what comes after there is nothing.
+    // In the order of depth, each Gaussian takes as many places as it touches tiles. The last one that fits
+    // may fit for some of its tiles only. Pixels show exactly the Gaussians before it, as in the twin, and
+    // none after it.
     let tile = limits.policy.tile(gpu.info());
     let options = Options { tile_width: tile.width, tile_height: tile.height, ..Default::default() };
     let view = View::from_camera(&camera).rounded();
@@ -64,7 +65,7 @@ fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
         }
     }
     assert!(missing > 100 && calm > 2000 && changed > 500, "{missing} {calm} {changed}");
-    // The frame in slot 0 is still on its way when room is made for that in slot 1.
+    // The frame in slot 0 is in flight while room is made for the one in slot 1.
     record(&mut frames, 0);
     frames.reserve(needed).unwrap();
     assert!(frames.capacity() >= needed);
@@ -77,7 +78,7 @@ fn what_overflows_says_so_shows_what_is_near_and_finds_room_in_flight() {
     assert!(more > plan + (900 << 10) && more < plan + (1200 << 10), "{plan} {more}");
 }
 
-/// A quarter more is made room for, so that it seldom is: not where only what is needed fits.
+/// Normally a quarter more is added, so that growth is rare; but not if only the required size fits.
 #[test]
 fn room_that_fits_is_made_where_a_quarter_more_would_not_fit() {
     let scene = random_scene(4, 100, 0, 0);
@@ -87,8 +88,8 @@ fn room_that_fits_is_made_where_a_quarter_more_would_not_fit() {
         let frames = Frames::new(&gpu, Limits { intersections, ..Limits::of(&model, 16, 16) }).unwrap();
         (gpu, model, frames)
     };
-    // Of four lists of 5 MB each becomes one of 10 MB, and with a quarter more 12.5 MB: while the last is made there are 35 MB and that, or
-    // 42.5 MB and that.
+    // Each of four lists of 5 MB becomes one of 10 MB, or 12.5 MB with a quarter more. While the last is
+    // made, 35 MB or 42.5 MB are held, plus that list.
     let (gpu, _model, mut frames) = made(None, Room::Intersections(1_250_000));
     let before = gpu.memory().taken;
     frames.reserve(2_500_000).unwrap();
@@ -98,17 +99,17 @@ fn room_that_fits_is_made_where_a_quarter_more_would_not_fit() {
     frames.reserve(2_500_000).unwrap();
     assert_eq!((frames.capacity(), gpu.memory().taken <= gpu.memory().budget), (2_500_000, true));
     assert!(frames.reserve(3_500_000).is_err());
-    // An error leaves what there was.
+    // After an error the old room remains.
     assert_eq!(frames.capacity(), 2_500_000);
     drop((frames, _model, gpu));
-    // What a device binds at once ends it too. On a CPU device pages that nobody touches take no memory.
+    // The device's limit for one buffer ends growth too. On a CPU device untouched pages take no memory.
     let (gpu, _model, mut frames) = made(None, Room::Intersections(1000));
     if gpu.info().is_cpu && gpu.info().max_storage_bytes <= 128 << 20 {
         let most = (gpu.info().max_storage_bytes / 4) as u32;
         frames.reserve(most / 10 * 9).unwrap();
         assert_eq!(frames.capacity(), most);
         assert!(frames.reserve(most + 1).is_err());
-        // The usual room for 2.5 million Gaussians at 3840 × 2160 would be 35 million.
+        // The default room for 2.5 million Gaussians at 3840 × 2160 would be 35 million.
         let large = Limits { gaussians: 2_500_000, width: 3840, height: 2160, ..frames.limits().clone() };
         for intersections in [Room::Usual, Room::Bytes(1 << 40)] {
             let plan = Limits { intersections, ..large.clone() }.plan(gpu.info()).unwrap();
@@ -130,9 +131,9 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let before = gpu.memory().used;
         let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).unwrap();
         let (planned, held) = (Model::plan(gpu.info(), &scene, room).bytes(), gpu.memory().used - before);
-        // A buffer for bindings that nobody uses, and the rounding of small ones.
+        // A buffer for unused bindings, and the rounding of small buffers.
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
-        // To bring it there takes as much again, on a device whose memory is the host's.
+        // An upload takes the same again, on a device that shares the host's memory.
         drop(model);
         for room in [room, model::Room { page: Some(1000), base: 2500, ..room }] {
             let before = gpu.memory().used;
@@ -140,13 +141,13 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
             let staged = Upload::plan(gpu.info(), &scene, room).bytes();
             let held = gpu.memory().used - before - Model::plan(gpu.info(), &scene, room).bytes();
             if gpu.info().is_cpu {
-                // Lists of lobes that are none, one for each page.
+                // Placeholders for missing lobes, one per page.
                 assert!(held.abs_diff(staged) < 4096, "{held} bytes held, {staged} planned");
             }
             drop(upload);
         }
         let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).unwrap();
-        // Every one of them can be had by name.
+        // Each is listed by name.
         let named = |held: Vec<Held>| {
             assert!(held.iter().all(|held| held.buffer != vk::Buffer::null()));
             (
@@ -162,7 +163,7 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let needs = Needs::of_scene(&scene, half);
         assert_eq!(needs, Needs::of(&model));
         let limits = Limits::for_needs(needs, 320, 200);
-        // Nor need there be a device: what is known of a physical one says the same.
+        // No device is needed: the properties of a physical one give the same plan.
         let physical = unsafe { Context::describe(&entry, gpu.instance(), gpu.physical_device()) }.unwrap();
         assert_eq!(Model::plan(&physical, &scene, room), Model::plan(gpu.info(), &scene, room));
         assert_eq!(limits.plan(&physical).unwrap(), limits.plan(gpu.info()).unwrap());
@@ -170,7 +171,8 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         let frames = Frames::new(&gpu, limits.clone()).unwrap();
         let (planned, held) = (limits.plan(gpu.info()).unwrap().bytes(), gpu.memory().used - before);
         assert!(held.abs_diff(planned) < 4096, "{held} bytes held, {planned} planned");
-        // But for an element each of the four kinds of gradient records, and beside what the host reads of each slot.
+        // Except for one element of each of the four kinds of gradient records, and the reports that the host
+        // reads.
         let (reports, held): (Vec<_>, Vec<_>) = frames.held().into_iter().partition(|held| held.name == "report");
         assert!(reports.len() == 2 && reports[0].buffer != reports[1].buffer && reports[0].bytes == 36, "{reports:?}");
         let (names, bytes) = named(held);
@@ -182,8 +184,8 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
     }
 }
 
-/// Not before its first frame is drawn could an engine learn how much room a scene takes: what there is without asking must do for a
-/// capture at the size of a screen, from where its photographs were taken, opaque and with gaps between points filled.
+/// An engine learns the required room only after its first frame. So the default must suffice for a capture
+/// at screen size, from a camera of its photographs, opaque and with the gaps between points filled.
 #[test]
 fn a_first_frame_of_a_capture_finds_room_at_the_size_of_a_screen() {
     let Some(path) = shared::shared("small/garden") else { return };

@@ -1,18 +1,18 @@
-// VK_LAYER_glint_allowed: makes a good driver use up what Vulkan allows a driver. tools/devices builds it and sets the variables:
+// VK_LAYER_glint_allowed: makes a good driver as bad as Vulkan allows. tools/devices builds it and sets the variables:
 //
 // ALLOWED_ROUGH       a list of words. Each makes some operations of kernels as wrong as "Precision and Operation of SPIR-V
 //                     Instructions" of the Vulkan specification allows; the sign of the error is a hash of the operand's bits:
-//     trig            sin, cos and tan: 2^-11 absolute from -pi to pi; beyond, where nothing is promised, 2^-2
+//     trig            sin, cos and tan: 2^-11 absolute from -pi to pi; 2^-2 beyond, for which Vulkan promises nothing
 //     atan            atan, asin and acos: 4096 ULP
 //     exp             exp, exp2 and pow: 3 + 2 |x| ULP
 //     log             log and log2: 2^-21 absolute from 1/2 to 2, else 3 ULP
 //     div             division, sqrt and inversesqrt: 2 ULP
 //     nan             exp of NaN is infinite, log of NaN is 89; min, max and clamp of NaN are NaN
-// ALLOWED_TRIG        the error of trig from -pi to pi, in place of 2^-11
-// ALLOWED_LEAST       any text: no limit above Vulkan's guaranteed one, Vulkan 1.2, no optional feature, no timestamps
-// ALLOWED_BUFFERS     storage buffers of a stage with ALLOWED_LEAST, in place of 16; Vulkan guarantees 4
-// ALLOWED_EXTENSIONS  extensions that stay with ALLOWED_LEAST, in place of VK_EXT_subgroup_size_control
-// ALLOWED_SUBGROUPS   a mask of the subgroup operations that stay with ALLOWED_LEAST; Vulkan guarantees 1, the basic ones
+// ALLOWED_TRIG        the error of trig from -pi to pi, instead of 2^-11
+// ALLOWED_LEAST       any text: Vulkan's guaranteed limits only, Vulkan 1.2, no optional features, no timestamps
+// ALLOWED_BUFFERS     storage buffers per stage with ALLOWED_LEAST, instead of 16; Vulkan guarantees 4
+// ALLOWED_EXTENSIONS  extensions kept with ALLOWED_LEAST, instead of VK_EXT_subgroup_size_control
+// ALLOWED_SUBGROUPS   a mask of the subgroup operations kept with ALLOWED_LEAST; Vulkan guarantees 1, the basic ones
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -42,9 +42,9 @@ enum {  // of GLSL.std.450
 
 typedef struct { uint32_t *word; size_t count, room; } Words;
 typedef struct {
-    Words head, body;  // what comes before the first function, to which constants are added, and the functions
+    Words head, body;  // everything before the first function, with added constants, and the functions
     uint32_t bound, glsl, f32, u32, boolean;
-    uint8_t *width;  // of a type: components of a float or of a vector of them, else 0
+    uint8_t *width;  // by type: components of a float or a vector of floats, else 0
 } Module;
 
 static void put(Words *to, uint32_t word) {
@@ -54,7 +54,7 @@ static void put(Words *to, uint32_t word) {
 static void put_all(Words *to, const uint32_t *from, size_t count) {
     for (size_t i = 0; i < count; i++) put(to, from[i]);
 }
-// An instruction whose result is of `type`; gives its number.
+// Appends an instruction with a result of `type`; returns the result's id.
 static uint32_t op(Module *m, uint32_t code, uint32_t type, int count, ...) {
     put(&m->body, (uint32_t)(3 + count) << 16 | code), put(&m->body, type), put(&m->body, m->bound);
     va_list list;
@@ -86,7 +86,7 @@ static uint32_t with_sign(Module *m, uint32_t error, uint32_t of) {
     uint32_t bits = op(m, BIT_OR, m->u32, 2, op(m, BITCAST, m->u32, 1, error), sign);
     return op(m, BITCAST, m->f32, 1, bits);
 }
-// `value` with a relative error of `ulp` units of 2^-24, which are at most as many ULP.
+// `value` with a relative error of `ulp` units of 2^-24, at most that number of ULP.
 static uint32_t off_by(Module *m, uint32_t value, uint32_t ulp, uint32_t of) {
     uint32_t error = with_sign(m, float2(m, F_MUL, ulp, number(m, 0x1p-24f)), of);
     return float2(m, F_MUL, value, float2(m, F_ADD, number(m, 1), error));
@@ -119,7 +119,7 @@ static uint32_t rough_log(Module *m, uint32_t f, uint32_t x) {
     return rough("nan") ? if_nan(m, x, number(m, 89), y) : y;
 }
 
-// The word that makes a function rough, and how many operands it has; NULL: it stays as it is.
+// The word that makes a function rough, and its number of operands; NULL: unchanged.
 static const char *word_for(uint32_t f, uint32_t *operands) {
     *operands = f == F_CLAMP ? 3 : f == ATAN2 || f == POW || f == F_MIN || f == F_MAX ? 2 : 1;
     switch (f) {
@@ -133,7 +133,7 @@ static const char *word_for(uint32_t f, uint32_t *operands) {
         default: return NULL;
     }
 }
-// f of floats, rough.
+// f of floats, with its error.
 static uint32_t rough_function(Module *m, uint32_t f, const uint32_t *x) {
     switch (f) {
         case SIN: case COS: return rough_sine(m, f, x[0]);
@@ -149,7 +149,7 @@ static uint32_t rough_function(Module *m, uint32_t f, const uint32_t *x) {
     }
 }
 
-// The instruction `from` once more, rough, component by component, or false where it stays as it is.
+// Replaces the instruction `from` by a rough version, component by component; false if it stays unchanged.
 static int roughen(Module *m, const uint32_t *from) {
     uint32_t code = *from & 0xFFFF, type = from[1], operands, results[4];
     uint32_t width = (code == EXT_INST && from[3] == m->glsl) || code == F_DIV ? m->width[type] : 0;
@@ -168,7 +168,7 @@ static int roughen(Module *m, const uint32_t *from) {
     return 1;
 }
 
-// The module with its operations rough; the caller frees it.
+// The module with rough operations; the caller frees it.
 static uint32_t *rewrite(const uint32_t *code, size_t *bytes) {
     Module m = {.bound = code[3], .width = calloc(code[3], 1)};
     put_all(&m.head, code, 5);
@@ -196,7 +196,7 @@ static uint32_t *rewrite(const uint32_t *code, size_t *bytes) {
     return m.head.word;
 }
 
-// ---- What is next. All instances of a process have the same layers, so the functions are the same for all. ----
+// ---- The next layer's functions. All instances of a process have the same layers, so these are common to all. ----
 static PFN_vkGetInstanceProcAddr next_instance;
 static PFN_vkGetDeviceProcAddr next_device;
 #define INSTANCE_FUNCTIONS(X) X(EnumerateDeviceExtensionProperties) X(GetPhysicalDeviceProperties) X(GetPhysicalDeviceProperties2) \
@@ -207,7 +207,7 @@ static struct {
     INSTANCE_FUNCTIONS(MEMBER)
 } next;
 
-// The loader's link to what is next, in the chain of a vkCreateInstance or vkCreateDevice.
+// The loader's link to the next layer, in the chain of a vkCreateInstance or vkCreateDevice.
 static void *link_of(const void *chain, VkStructureType type) {
     const VkLayerInstanceCreateInfo *at = chain;
     while (at && !(at->sType == type && at->function == VK_LAYER_LINK_INFO)) at = at->pNext;
@@ -234,7 +234,7 @@ static VKAPI_ATTR VkResult VKAPI_CALL CreateDevice(VkPhysicalDevice p, const VkD
     return next.CreateDevice(p, info, a, out);
 }
 
-// ---- The least that Vulkan guarantees: "Required Limits" and "Feature Requirements" of its specification ----
+// ---- Vulkan's minimum guarantees: "Required Limits" and "Feature Requirements" of its specification ----
 static VKAPI_ATTR VkResult VKAPI_CALL EnumerateDeviceExtensionProperties(VkPhysicalDevice p, const char *layer, uint32_t *count, VkExtensionProperties *out) {
     const char *kept = getenv("ALLOWED_EXTENSIONS");
     if (!least() || layer) return next.EnumerateDeviceExtensionProperties(p, layer, count, out);
@@ -299,7 +299,7 @@ static VKAPI_ATTR void VKAPI_CALL GetPhysicalDeviceFeatures(VkPhysicalDevice p, 
     next.GetPhysicalDeviceFeatures(p, out);
     least_features(out);
 }
-// What glint cannot do without stays: scalarBlockLayout, hostQueryReset, subgroupBroadcastDynamicId, and subgroupSizeControl.
+// glint's required features stay: scalarBlockLayout, hostQueryReset, subgroupBroadcastDynamicId, and subgroupSizeControl.
 static VKAPI_ATTR void VKAPI_CALL GetPhysicalDeviceFeatures2(VkPhysicalDevice p, VkPhysicalDeviceFeatures2 *out) {
     next.GetPhysicalDeviceFeatures2(p, out);
     least_features(&out->features);
@@ -334,7 +334,7 @@ static VKAPI_ATTR VkResult VKAPI_CALL CreateShaderModule(VkDevice d, const VkSha
     return result;
 }
 
-// ---- The loader's way in ----
+// ---- Entry points for the loader ----
 static VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL GetDeviceProcAddr(VkDevice d, const char *name) {
     if (!strcmp(name, "vkGetDeviceProcAddr")) return (PFN_vkVoidFunction)GetDeviceProcAddr;
     if (!strcmp(name, "vkCreateShaderModule")) return (PFN_vkVoidFunction)CreateShaderModule;

@@ -1,9 +1,9 @@
-/* Draws a scene over a colour from C, on a device of its own:
+/* Draws a scene over a background colour from C, on its own device:
  *
  *     frame NUMBERS SCENE.ply OUT
  *
- * NUMBERS is a text file: width, height, a view matrix, a projection matrix, columns first. OUT gets float32 RGBA, rows from the top;
- * then, of a frame of two instances behind a wall 3 units away, linear and premultiplied RGBA, depths, and numbers of Gaussians.
+ * NUMBERS is a text file: width, height, a view matrix, a projection matrix, column-major. OUT gets float32 RGBA, rows from the top.
+ * It then gets linear premultiplied RGBA, depths and ids of a frame with two instances behind a wall 3 units away.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -65,7 +65,7 @@ static void transition(VkCommandBuffer commands, const VkImage images[4], VkImag
     vkCmdPipelineBarrier(commands, GLINT_SYNC_WRITTEN_STAGE, GLINT_SYNC_READ_STAGE | GLINT_SYNC_WRITTEN_STAGE, 0, 0, NULL, 0, NULL, 4, barriers);
 }
 
-/* A scene from nowhere but arrays: a base of one Gaussian, a supplement of one. */
+/* Makes a scene from arrays: a base of one Gaussian, a supplement of one. */
 static void arrays(void) {
     float mean[3] = { 0, 0, 4 }, scale[3] = { -2, -2, -2 }, rotation[4] = { 1, 0, 0, 0 }, opacity = 2, colour[3] = { 1, 0, 0 };
     float direction[3] = { 0, 0, -1 }, lobe[2] = { 0.5f, 1 };
@@ -97,7 +97,7 @@ int main(int argc, char **argv) {
     fclose(in);
     uint32_t width = (uint32_t)numbers[0], height = (uint32_t)numbers[1];
 
-    /* A device as glint needs it. */
+    /* A device that meets glint's requirements. */
     VkApplicationInfo app = { VK_STRUCTURE_TYPE_APPLICATION_INFO };
     app.apiVersion = VK_API_VERSION_1_2;
     VkInstanceCreateInfo instance_info = { VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO };
@@ -129,13 +129,13 @@ int main(int argc, char **argv) {
     const char *extension;
     for (uint32_t k = 0; glint_optional_feature(k, &extension); ++k)
         if (optional >> k & 1 && extension && extension_count < 16) extensions[extension_count++] = extension;
-    /* What is planned needs no device. */
+    /* Plans need no device. */
     glint_physical *told;
     if (glint_describe(vkGetInstanceProcAddr, instance, NULL, &told) != 2) FAIL("a physical device that is null");
     GLINT(glint_describe(vkGetInstanceProcAddr, instance, physical, &told));
     float priority = 1.0f;
     VkDeviceQueueCreateInfo queue_info = { VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO };
-    queue_info.queueCount = 1; /* of family 0, which every driver has compute in */
+    queue_info.queueCount = 1; /* of family 0, which supports compute on every driver */
     queue_info.pQueuePriorities = &priority;
     VkDeviceCreateInfo device_info = { VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO };
     device_info.pNext = glint_feature_chain(optional);
@@ -151,7 +151,7 @@ int main(int argc, char **argv) {
     VkCommandPool pool;
     VK(vkCreateCommandPool(device, &pool_info, NULL, &pool));
 
-    /* The buffer that the frame goes to, mapped. */
+    /* The frame's target: a mapped buffer. */
     VkDeviceSize pixel_count = (VkDeviceSize)width * height, bytes = (16 + 16 + 4 + 4) * pixel_count;
     VkBufferCreateInfo buffer_info = { VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO };
     buffer_info.size = bytes;
@@ -167,7 +167,7 @@ int main(int argc, char **argv) {
     VkDeviceMemory memory;
     VK(vkAllocateMemory(device, &memory_info, NULL, &memory));
     VK(vkBindBufferMemory(device, buffer, memory, 0));
-    /* Images for colours, depths and numbers, and for the depths of a wall. */
+    /* Images for colours, depths and ids, and for the depths of a wall. */
     VkImage images[4];
     VkDeviceMemory image_memory[4];
     for (int i = 0; i < 4; ++i) {
@@ -222,7 +222,7 @@ int main(int argc, char **argv) {
     if (dropped != 0 || memcmp(&counts, &twice, sizeof counts)) FAIL("%u Gaussians dropped of a scene that is sound", dropped);
     glint_scene_destroy(same);
     arrays();
-    /* What it will take is known before it is there. */
+    /* Its memory is known before it is made. */
     glint_limits limits = { sizeof limits }, early = { sizeof early };
     GLINT(glint_limits_for(scene, 0, width, height, &early));
     uint64_t planned = glint_upload_bytes(told, scene, 0), staged = glint_upload_staging_bytes(told, scene, 0);
@@ -282,7 +282,7 @@ int main(int argc, char **argv) {
     glint_instance instances[2] = { { sizeof instances[0], counts.sh_degree, 0, 0, model, { 0, 0, 0, 1 }, { 0, 0, 0 }, 1.0 } };
     glint_frame frame = { sizeof frame, 0, 1, 1, instances, &view };
     commands = begin(device, pool);
-    /* What makes no sense is refused and records nothing. */
+    /* An invalid frame is refused and records nothing. */
     frame.slot = 7;
     if (glint_frames_record(frames, commands, &frame) != 2 || !strstr(glint_last_error(), "slots")) FAIL("slot 7");
     frame.slot = 0;
@@ -315,7 +315,7 @@ int main(int argc, char **argv) {
         if (strlen(times[i].name) == 0 || !(times[i].seconds >= 0)) FAIL("stage %u has no time", i);
     if (locked != 0) FAIL("glint submitted %d times", locked);
 
-    /* Two instances in images, behind a wall: first with too little room. */
+    /* Two instances in images, behind a wall: the first try has too little room. */
     glint_limits both_limits = limits;
     both_limits.gaussians *= 2;
     both_limits.instances = 2;
@@ -370,7 +370,7 @@ int main(int argc, char **argv) {
     FILE *out = fopen(argv[3], "wb");
     if (!out || fwrite(pixels, 1, bytes, out) != bytes || fclose(out)) FAIL("%s: not written", argv[3]);
 
-    /* The kernels as data, and the buffers that they are bound to. */
+    /* The kernels' interfaces, and the buffers to bind. */
     glint_kernel_info kernel = { sizeof kernel };
     uint32_t kernels = 0, blends = 0, features = 0, barriers = 0;
     for (; glint_kernel(kernels, &kernel) == 0; ++kernels) {

@@ -1,5 +1,5 @@
-// Asks programs of others for two PLY files, an augmented scene and its base alone: node readers.mjs AUGMENTED BASE. To every one of them
-// both must be the same. Run by tools/readers, where the packages are installed.
+// Reads two PLY files with other programs, an augmented scene and its base alone: node readers.mjs AUGMENTED BASE. Each program must
+// get the same data from both. Run by tools/readers, which installs the packages.
 import { execFile, execFileSync } from "node:child_process";
 import { createHash } from "node:crypto";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -7,13 +7,13 @@ import { createServer } from "node:http";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-// Some of these libraries look for a browser when they are loaded.
+// Some of these libraries check for a browser when loaded.
 globalThis.self ??= globalThis;
 globalThis.window ??= globalThis;
 globalThis.document ??= { createElement: () => ({ style: {}, getContext: () => null, addEventListener() {} }) };
 globalThis.ProgressEvent ??= class {};
 
-// A hash of all numbers that can be reached from a value, and how many there are.
+// A hash of all numbers reachable from a value, and their count.
 function digest(value) {
     const hash = createHash("sha256"), seen = new Set();
     let numbers = 0;
@@ -26,7 +26,7 @@ function digest(value) {
             hash.update(`${name}:${v.length};`).update(new Uint8Array(v.buffer, v.byteOffset, v.byteLength));
         } else if (v && typeof v === "object" && !seen.has(v)) {
             seen.add(v);
-            // Objects of three and gsplat are numbered and named as they are made.
+            // three and gsplat give each new object a number and a name.
             const keys = Object.keys(v).filter((key) => !["uuid", "id", "_id", "__id", "version"].includes(key));
             keys.forEach((key) => visit(Array.isArray(v) ? name : `${name}.${key}`, v[key]));
         }
@@ -40,8 +40,8 @@ const buffer = (path) => {
     return bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
 };
 
-// Spark decodes in a worker that only a browser has: what a page of Chromium makes of the file at a path, as text. An open document in
-// the page keeps it from having loaded until then.
+// Spark decodes in a worker, which needs a browser: returns the text of a Chromium page that has read the file. An open document in the
+// page delays its load event until then.
 async function inSpark(path) {
     const page = `<!doctype html><body><script type="importmap">{"imports": {"three": "/node_modules/three/build/three.module.js",
         "three/addons/": "/node_modules/three/examples/jsm/"}}</script><script type="module">
@@ -81,7 +81,7 @@ async function inSpark(path) {
     return JSON.parse(text);
 }
 
-// Each gives what it made of the file at a path.
+// Each reads the file at a path, and returns its data.
 const readers = {
     "three, PLYLoader": async (path) => {
         const { PLYLoader } = await import("three/examples/jsm/loaders/PLYLoader.js");

@@ -1,5 +1,5 @@
-"""Asks programs of others for two PLY files, an augmented scene and its base alone: readers.py AUGMENTED BASE. To every one of them both
-must be the same. Run by tools/readers, where the packages are installed."""
+"""Reads two PLY files with other programs, an augmented scene and its base alone: readers.py AUGMENTED BASE. Each program must get the
+same data from both. Run by tools/readers, which installs the packages."""
 
 import sys
 

@@ -1,4 +1,4 @@
-//! The point cloud such as structure from motion would give.
+//! Makes a point cloud like that of structure from motion.
 
 use std::{
     collections::HashMap,
@@ -15,14 +15,16 @@ use super::{
     studio::{FLOOR_RADIUS, Object, Studio},
 };
 
-/// Standard deviation of a surface point's error, scene units: 0.2 % of the extent (1.1 times the largest distance of
-/// a training camera from their mean, 4.76), as structure from motion has it.
+/// Standard deviation of a surface point's error, scene units: 0.2 % of the extent (1.1 times the largest
+/// distance of a training camera from their mean, 4.76), as in structure from motion.
 const POINT_NOISE: f64 = 0.0095;
-/// Points per area on the objects relative to the floor: features are found where there is detail.
+/// Points per area on the objects relative to the floor: detail attracts features.
 const OBJECT_DENSITY: f64 = 3.0;
-/// Least distance of the first points on the floor, scene units; room for about a hundred points on everything.
+/// Least distance of the first points on the floor, scene units; leaves room for about a hundred points in
+/// total.
 const FIRST_SPACING: f64 = 0.5;
-/// A point counts as seen in a photograph at least this far from its border, pixels, and needs this many views.
+/// A point counts as visible in a photograph if it is at least this far from the border, pixels; below:
+/// visible views that it needs.
 const POINT_MARGIN: f64 = 1.0;
 const POINT_VIEWS: usize = 3;
 
@@ -36,8 +38,8 @@ struct Draw {
 
 /// Surface points of `studio` that at least [`POINT_VIEWS`] training photographs see, with their mean colours there.
 ///
-/// Dart throwing (a draw is kept if no kept point is too near) at a distance that shrinks whenever it has become hard to
-/// find room, so that every prefix covers everything.
+/// Dart throwing: a draw is kept if no kept point is too near. The distance shrinks whenever too few draws
+/// fit, so that every prefix covers everything.
 pub(super) fn surface_points(
     studio: &Studio,
     seed: u64,
@@ -53,7 +55,7 @@ pub(super) fn surface_points(
         let candidates: Vec<(Draw, [u8; 3])> = (next..next + batch)
             .into_par_iter()
             .filter_map(|k| draw(studio, seed, k))
-            // Before the dear question of who sees it the cheap one.
+            // Cheap test first, then the expensive visibility test.
             .filter(|draw| kept.has_room(draw))
             .filter_map(|draw| photographed(studio, &draw, &training).map(|color| (draw, color)))
             .collect();
@@ -66,7 +68,7 @@ pub(super) fn surface_points(
                 colors.push(color);
             }
         }
-        // Lines that miss and places that nobody sees fail too; a sixteenth is well below their share.
+        // Lines that miss and hidden places fail too; a sixteenth is well below their share.
         if positions.len() - before < batch as usize / 16 {
             kept = kept.finer();
         }
@@ -74,11 +76,12 @@ pub(super) fn surface_points(
     (positions, colors)
 }
 
-/// Draw `k`, uniform by area but for [`OBJECT_DENSITY`]: random lines through the bounding sphere of a convex body enter it
-/// uniformly over its surface, and hit it in proportion to a quarter of its area (Cauchy). `None` for a line that misses.
+/// Draw `k`, uniform by area except for [`OBJECT_DENSITY`]. Random lines through the bounding sphere of a
+/// convex body enter it uniformly over its surface, and hit it in proportion to a quarter of its area
+/// (Cauchy). `None` for a line that misses.
 fn draw(studio: &Studio, seed: u64, k: u64) -> Option<Draw> {
     let objects = &studio.objects;
-    // Every draw has a random stream of its own, so that draws can be made in parallel.
+    // Every draw has its own random stream, so that draws can run in parallel.
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(1 + k);
     let disc = |o: &Object| PI * o.shape.bounding_radius().powi(2) * OBJECT_DENSITY;
@@ -108,7 +111,7 @@ fn draw(studio: &Studio, seed: u64, k: u64) -> Option<Draw> {
     Some(Draw { point, normal, noisy, on_object })
 }
 
-/// The mean colour of a drawn point in the photographs that see it, if they are enough.
+/// The mean colour of a drawn point in the photographs that see it; `None` if these are too few.
 fn photographed(studio: &Studio, draw: &Draw, training: &[&BuiltinPhoto]) -> Option<[u8; 3]> {
     let (mut views, mut sum) = (0usize, DVec3::ZERO);
     for photo in training {
@@ -133,7 +136,7 @@ fn photographed(studio: &Studio, draw: &Draw, training: &[&BuiltinPhoto]) -> Opt
     (views >= POINT_VIEWS).then(|| (sum / views as f64).round().to_array().map(|c| c as u8))
 }
 
-/// Kept points in a grid of cells as large as the least distance between them.
+/// Kept points in a grid; a cell is as large as the least distance between points.
 struct Darts {
     spacing: f64,
     cells: HashMap<[i32; 3], Vec<DVec3>>,
@@ -161,7 +164,7 @@ impl Darts {
         self.cells.entry(self.cell(draw.point)).or_default().push(draw.point);
     }
 
-    /// The same points with room for about twice as many.
+    /// Moves the points to a finer grid, with room for about twice their number.
     fn finer(self) -> Darts {
         let mut finer = Darts::new(self.spacing * FRAC_1_SQRT_2);
         for point in self.cells.into_values().flatten() {

@@ -1,4 +1,4 @@
-//! What is photographed: lights, objects, floor, and the rays that see them.
+//! The studio of the built-in scene: lights, objects, floor, and the rays that see them.
 
 use std::{
     f64::consts::{PI, SQRT_2, TAU},
@@ -42,7 +42,7 @@ struct Light {
     radiance: DVec3,
 }
 
-/// Key, fill, two behind the objects for what is seen in flat tops, one low in front.
+/// Key light, fill light, two lights behind the objects for reflections in flat tops, and a low one in front.
 const LIGHTS: [Light; 5] = [
     Light { place: [-38.0, 58.0, 9.0, 9.0], radiance: dvec3(19.0, 17.6, 15.4) },
     Light { place: [48.0, 42.0, 6.0, 9.0], radiance: dvec3(13.0, 14.2, 16.0) },
@@ -51,7 +51,7 @@ const LIGHTS: [Light; 5] = [
     Light { place: [4.0, 76.0, 7.0, 7.0], radiance: dvec3(15.0, 15.0, 15.0) },
 ];
 
-/// All shapes are convex; the point cloud relies on it.
+/// A convex shape; the point cloud relies on convexity.
 pub(super) enum Shape {
     Ellipsoid {
         centre: DVec3,
@@ -90,16 +90,16 @@ pub(super) enum Albedo {
 pub(super) struct Object {
     pub(super) shape: Shape,
     pub(super) albedo: Albedo,
-    /// Reflectance at normal incidence (Schlick 1994). What has none reflects nothing, at grazing angles neither.
+    /// Reflectance at normal incidence (Schlick 1994). 0 means no reflection, even at grazing angles.
     pub(super) f0: DVec3,
     /// Standard deviation of the reflected lobe, radians. Below [`MIRROR`] reflected rays are traced.
     pub(super) blur: f64,
 }
 
-/// Up to 3.4° the reflected scene is shown sharp, as its blur would be about a pixel on these small curved bodies.
+/// Up to 3.4° reflections are shown sharp, as their blur would be about a pixel on these small curved bodies.
 const MIRROR: f64 = 0.06;
 
-/// What stands in the built-in scene.
+/// The objects of the built-in scene.
 pub(super) fn objects() -> Vec<Object> {
     let degrees = |d: f64| d.to_radians();
     let on_floor = |x: f64, y: f64, radii: DVec3| Shape::Ellipsoid { centre: dvec3(x, y, radii.z), radii };
@@ -174,13 +174,14 @@ pub(super) fn objects() -> Vec<Object> {
     ]
 }
 
-/// A camera with its centre, which every ray needs.
+/// A camera with its precomputed centre, needed by every ray.
 pub(super) struct View<'a> {
     pub(super) camera: &'a Camera,
     pub(super) eye: DVec3,
 }
 
-/// What a ray brings back: an identity of what it hits, everything, and diffuse alone; both clipped at white.
+/// Result of a ray: an identifier of the object it hits, total light and diffuse light; both clipped at
+/// white.
 #[derive(Clone, Copy)]
 pub(super) struct Sample {
     hit: usize,
@@ -214,14 +215,15 @@ impl Lamp {
         }
     }
 
-    /// The share of a Gaussian lobe of standard deviation `blur` about `r` that falls on the light.
+    /// The fraction of a Gaussian lobe of standard deviation `blur` about `r` that falls on the light.
     fn share(&self, r: DVec3, blur: f64) -> f64 {
         let w = r.dot(self.toward);
         if w <= 0.1 {
             return 0.0;
         }
         let (x, y) = ((r.dot(self.right) / w).abs(), (r.dot(self.up) / w).abs());
-        // Beyond five standard deviations the share is below 1e-6, a thousandth of an 8-bit step at radiance 19.
+        // Beyond five standard deviations the fraction is below 1e-6, a thousandth of an 8-bit step at
+        // radiance 19.
         if x > self.half.x + 5.0 * blur || y > self.half.y + 5.0 * blur {
             return 0.0;
         }
@@ -315,7 +317,7 @@ impl Shape {
                     let along = (p - *a).dot(axis).clamp(0.0, length);
                     (p - (*a + along * axis)) / *radius
                 };
-                // The side, when it is entered between the two ends.
+                // The side, if the ray enters between the two ends.
                 let (oa, dp) = (o - *a, d - d.dot(axis) * axis);
                 let op = oa - oa.dot(axis) * axis;
                 let (qa, qb, qc) = (dp.length_squared(), op.dot(dp), op.length_squared() - radius * radius);
@@ -334,7 +336,8 @@ impl Shape {
             Shape::RoundedBox { centre, half, rounding, yaw } => {
                 let turn = DMat3::from_rotation_z(*yaw);
                 let (o, d) = (turn.transpose() * (o - *centre), turn.transpose() * d);
-                // Start at the plain box around it, then walk by the distance, which never oversteps a convex shape.
+                // Start at the plain box around it, then step by the distance, which never oversteps a convex
+                // shape.
                 let inverse = d.recip();
                 let (p, q) = ((-*half - o) * inverse, (*half - o) * inverse);
                 let (t_in, t_out) = (p.min(q).max_element(), p.max(q).min_element());
@@ -347,7 +350,7 @@ impl Shape {
                 if t_in < 0.0 && nearest(o).length() <= *rounding {
                     return None;
                 }
-                // Grazing rays converge slowly; 64 steps lose only some that pass by the silhouette.
+                // Grazing rays converge slowly; 64 steps lose only a few that pass near the silhouette.
                 for _ in 0..64 {
                     let x = o + t * d;
                     let q = nearest(x);
@@ -365,12 +368,12 @@ impl Shape {
         }
     }
 
-    /// Spheres that stand for the shape where it only darkens others.
+    /// Spheres that replace the shape for shadows on other objects.
     fn proxies(&self) -> Vec<(DVec3, f64)> {
         match self {
             Shape::Ellipsoid { centre, radii } => vec![(*centre, (radii.x * radii.y * radii.z).cbrt())],
             Shape::Capsule { a, b, radius } => vec![(*a, *radius), (0.5 * (*a + *b), *radius), (*b, *radius)],
-            // A low plate darkens nothing but the floor, whose shading is traced.
+            // A low plate only shades the floor, whose shading is traced.
             Shape::RoundedBox { half, .. } if half.z < 0.5 * half.x => vec![],
             Shape::RoundedBox { centre, half, .. } => vec![(*centre, (half.x * half.y * half.z).cbrt() * 1.2)],
         }
@@ -386,21 +389,21 @@ pub(super) struct Studio {
     floor: Vec<DVec3>,
 }
 
-/// What a ray meets. `object` is `None` for the floor.
+/// Intersection of a ray. `object` is `None` for the floor.
 pub(super) struct Hit {
     object: Option<usize>,
     pub(super) point: DVec3,
     pub(super) normal: DVec3,
 }
 
-/// The studio of the built-in scene is a constant; it is prepared at the first use.
+/// The studio of the built-in scene, a constant that is prepared at the first use.
 pub(super) fn studio() -> &'static Studio {
     static STUDIO: OnceLock<Studio> = OnceLock::new();
     STUDIO.get_or_init(|| Studio::new(objects(), background()))
 }
 
 impl Studio {
-    /// With these objects on its floor. `background` is linear light.
+    /// A studio with these objects on its floor. `background` is linear light.
     pub(super) fn new(objects: Vec<Object>, background: DVec3) -> Studio {
         let proxies = objects.iter().map(|o| o.shape.proxies()).collect();
         let lamps = LIGHTS.iter().map(Lamp::new).collect();
@@ -427,7 +430,8 @@ impl Studio {
         best
     }
 
-    /// The object between `p` and infinity in direction `d`. Looks from outside, so that it also finds an object around `p`.
+    /// The object between `p` and infinity in direction `d`. Traced from outside, so that it also finds an
+    /// object around `p`.
     fn occluder(&self, p: DVec3, d: DVec3) -> Option<usize> {
         let far = 4.0 * FLOOR_RADIUS;
         self.enter(p + far * d, -d).filter(|(_, t, _)| *t < far).map(|(i, ..)| i)
@@ -457,7 +461,7 @@ impl Studio {
             .map(|i| {
                 let (x, y) = ((i % BAKE) as f64 + 0.5, (i / BAKE) as f64 + 0.5);
                 let p = dvec3(x * texel - FLOOR_RADIUS, y * texel - FLOOR_RADIUS, 0.0);
-                // Beyond the disk only the texels are needed that interpolation at its rim reaches.
+                // Beyond the disk, interpolation at its rim reads only the nearest texels.
                 if p.length() > FLOOR_RADIUS + 2.0 * texel { DVec3::ZERO } else { self.floor_light(p) }
             })
             .collect()
@@ -465,7 +469,7 @@ impl Studio {
 
     /// Irradiance / π at a point of the floor, by a fixed pattern of shadow rays.
     fn floor_light(&self, p: DVec3) -> DVec3 {
-        // Lifted, so that objects standing on the floor touch its shading only where they stand.
+        // Raised a little, so that objects on the floor shade it only at their contact area.
         let o = p + dvec3(0.0, 0.0, 1e-4);
         let mut light = DVec3::ZERO;
         for lamp in &self.lamps {
@@ -485,7 +489,7 @@ impl Studio {
             let (sin, cos) = (golden * k as f64).sin_cos();
             let d = dvec3(cos * s.sqrt(), sin * s.sqrt(), (1.0 - s).sqrt());
             let seen = match self.occluder(o, d) {
-                // Colour that an object sheds on the floor beside it.
+                // Colour that an object bleeds onto the floor next to it.
                 Some(i) => 0.25 * self.objects[i].albedo.mean(),
                 None => AMBIENT * self.sky(d.z),
             };
@@ -504,7 +508,7 @@ impl Studio {
         row(j).lerp(row(j + 1), y - j as f64)
     }
 
-    /// What the floor sends out at `p`; `blurred` without its pattern.
+    /// Radiance of the floor at `p`; `blurred` leaves out its pattern.
     fn floor_radiance(&self, p: DVec3, blurred: bool) -> DVec3 {
         let (light, dark) = (dvec3(0.27, 0.255, 0.235), dvec3(0.13, 0.128, 0.13));
         let share = if blurred {
@@ -518,7 +522,8 @@ impl Studio {
         lit.lerp(self.background, smoothstep(FLOOR_INNER, FLOOR_RADIUS, p.truncate().length()))
     }
 
-    /// How much of lamp `k` reaches a point of object `own` past the other objects, by their proxy spheres.
+    /// Fraction of lamp `k`'s light that reaches a point of object `own` past the other objects' proxy
+    /// spheres.
     fn reach(&self, own: usize, p: DVec3, lamp: &Lamp) -> f64 {
         let mut open = 1.0;
         let spread = 0.5 * (lamp.half.x + lamp.half.y);
@@ -536,8 +541,8 @@ impl Studio {
         open
     }
 
-    /// Ambient light at a point of object `own`: the share that the other objects leave (a sphere of radius R at distance d
-    /// hides cos · (R/d)² of it).
+    /// Ambient light at a point of object `own`: the fraction that the other objects leave (a sphere of
+    /// radius R at distance d blocks cos · (R/d)² of it).
     fn openness(&self, own: usize, p: DVec3, n: DVec3) -> f64 {
         let mut open = 1.0;
         for (_, proxies) in self.proxies.iter().enumerate().filter(|(i, _)| *i != own) {
@@ -550,8 +555,8 @@ impl Studio {
         open
     }
 
-    /// Diffuse and specular light that the hit sends against the unit ray direction `d`. `bounces` is how often
-    /// mirror-like reflections may still be traced.
+    /// Diffuse and specular light that the hit point sends back along the ray; `d` is the ray's unit
+    /// direction. `bounces` limits the number of traced mirror-like reflections.
     pub(super) fn shade(&self, hit: &Hit, d: DVec3, bounces: u32) -> (DVec3, DVec3) {
         let Some(index) = hit.object else {
             return (self.floor_radiance(hit.point, false), DVec3::ZERO);
@@ -582,7 +587,7 @@ impl Studio {
             let seen = match self.trace(p + 1e-6 * n, r) {
                 Some(hit) => {
                     let (a, b) = self.shade(&hit, r, bounces - 1);
-                    // The lamps are behind what is met.
+                    // The reflected ray hits something in front of the lamps.
                     specular = DVec3::ZERO;
                     a + b
                 }
@@ -590,7 +595,8 @@ impl Studio {
             };
             specular += seen;
         } else {
-            // The blurred lobe sees sky and floor in the shares that its Gaussian has above and below the horizon.
+            // The blurred lobe mixes sky and floor by the fractions of its Gaussian above and below the
+            // horizon.
             let above = 0.5 + 0.5 * erf(r.z / (SQRT_2 * object.blur));
             let floor = p + r * (p.z / (-r.z).max(0.05));
             let floor = if floor.truncate().length() < FLOOR_RADIUS {
@@ -616,7 +622,8 @@ impl Studio {
         }
     }
 
-    /// Mean light of a pixel's samples, of four in a rotated grid if the pixel's corners are alike.
+    /// Mean light of a pixel's samples: four in a rotated grid if the pixel's corners are alike, otherwise
+    /// all.
     pub(super) fn pixel(&self, view: &View, x: f64, y: f64, part: Part, corners: [Sample; 4], calm: f64) -> DVec3 {
         let at = |i: usize| (i as f64 + 0.5) / SAMPLES as f64;
         let sample = |i: usize, j: usize| {
@@ -627,7 +634,7 @@ impl Studio {
                 Part::Specular => all - diffuse,
             }
         };
-        // The root is near enough to sRGB.
+        // The square root is near enough to sRGB.
         let root = corners.map(|s| s.all.map(f64::sqrt));
         let range = root.into_iter().reduce(DVec3::max).zip(root.into_iter().reduce(DVec3::min));
         let alike = corners.iter().all(|s| s.hit == corners[0].hit);
@@ -661,7 +668,8 @@ mod tests {
                 assert!((n.length() - 1.0).abs() < 1e-6 && n.dot(d) <= 1e-6, "normal {n} for ray {d}");
                 let p = o + t * d;
                 assert!(p.distance(centre) <= radius + 1e-9);
-                // A line that starts a little inside does not enter again, one a little outside does, at once.
+                // A line that starts a little inside does not enter again; one that starts a little outside
+                // enters at once.
                 let again = object.shape.enter(p + 1e-4 * n, -n).map_or(f64::INFINITY, |(t, _)| t);
                 assert!((again - 1e-4).abs() < 1e-6, "entered again after {again}");
             }

@@ -1,6 +1,6 @@
-//! Scenes whose truth is known: datasets of mirrors, gloss, nothing that shines, all of it, and one material from smooth to rough,
-//! seen from all around, with the diffuse and the specular part of each photograph. The studio, its floor and its lights are those
-//! of the built-in scene; what rays see that leave it is black.
+//! Synthetic datasets with known truth: mirrors, gloss, diffuse surfaces, a mix, and one material from smooth
+//! to rough. Cameras are all around; each photograph comes with its diffuse and specular part. The studio
+//! with its floor and lights is that of the built-in scene; rays that leave it see black.
 
 use std::fs;
 use std::path::Path;
@@ -16,17 +16,17 @@ use super::{BuiltinPhoto, CALM, DISTANCE, DISTANCE_JITTER, JITTER, Part, TARGET,
 use crate::data::{DIFFUSE, PointCloud, SPECULAR, write_png_bytes, write_text};
 use crate::{Error, Result};
 
-/// Elevations that the cameras lie between, degrees.
+/// Lowest and highest elevation of the cameras, degrees.
 const LOWEST: f64 = 14.0;
 const HIGHEST: f64 = 58.0;
-/// Reflections of real mirrors are not sharper than a pixel: standard deviation, radians.
+/// Real mirrors do not reflect sharper than a pixel: standard deviation, radians.
 const POLISHED: f64 = 0.006;
-/// Where a photograph's file lies in a dataset.
+/// Folder of the photographs in a dataset.
 const IMAGES: &str = "images";
 const TRANSFORMS: &str = "transforms.json";
 const POINTS: &str = "points.ply";
 
-/// What a synthetic scene is made of.
+/// Materials of a synthetic scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Synth {
@@ -42,23 +42,23 @@ pub enum Synth {
     Rough,
 }
 
-/// How a synthetic scene is photographed.
+/// Cameras and points of a synthetic scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SynthOptions {
-    /// Photographs, at least [`SynthOptions::LEAST_VIEWS`].
+    /// Number of photographs, at least [`SynthOptions::LEAST_VIEWS`].
     pub views: u32,
     /// Width and height of each, pixels, at least [`SynthOptions::LEAST_SIZE`].
     pub size: u32,
-    /// Surface points.
+    /// Number of surface points.
     pub points: usize,
-    /// Of where the cameras stand and the points lie.
+    /// Seed for the positions of cameras and points.
     pub seed: u64,
 }
 
 impl SynthOptions {
-    /// With fewer, places that three photographs see become rare, and the points are where three do.
+    /// With fewer views, few places are seen by three photographs, and points need three.
     pub const LEAST_VIEWS: u32 = 8;
-    /// With fewer pixels a side, SSIM's window of 11 is most of the image.
+    /// With fewer pixels per side, SSIM's window of 11 covers most of the image.
     pub const LEAST_SIZE: u32 = 16;
 
     fn names(&self) -> impl Iterator<Item = String> {
@@ -97,7 +97,7 @@ fn ball(x: f64, y: f64, radius: f64) -> Shape {
     Shape::Ellipsoid { centre: dvec3(x, y, radius), radii: DVec3::splat(radius) }
 }
 
-/// Standing on the floor; `half` sizes, `yaw` in degrees.
+/// A block on the floor; `half` sizes, `yaw` in degrees.
 fn block(x: f64, y: f64, half: [f64; 3], rounding: f64, yaw: f64) -> Shape {
     let half = DVec3::from_array(half);
     Shape::RoundedBox { centre: dvec3(x, y, half.z), half, rounding, yaw: yaw.to_radians() }
@@ -122,7 +122,7 @@ fn mirrors() -> Vec<Object> {
     ]
 }
 
-/// The objects of the built-in scene, each changed by its number.
+/// The objects of the built-in scene, each changed according to its number.
 fn changed(change: impl Fn(usize, &mut Object)) -> Vec<Object> {
     let mut all = objects();
     all.iter_mut().enumerate().for_each(|(i, object)| change(i, object));
@@ -135,14 +135,15 @@ impl Synth {
             Synth::Mirror => mirrors(),
             Synth::Gloss => changed(|_, object| object.blur = object.blur.max(7f64.to_radians())),
             Synth::Diffuse => changed(|_, object| {
-                // Metals have no colour of their own: that of what they reflect takes its place.
+                // Metals have no diffuse colour: use the colour of their reflections.
                 if object.albedo.mean().length() < object.f0.length() {
                     object.albedo = Albedo::Plain(0.6 * object.f0);
                 }
                 object.f0 = DVec3::ZERO;
             }),
             Synth::Mixed => changed(|i, object| match i {
-                // Chrome and the plate mirror; pebble, marbled ball and box do not shine; the rest is gloss as it is.
+                // Chrome and plate become mirrors; pebble, marbled ball and box become diffuse; the others
+                // stay glossy.
                 0 => (object.f0, object.blur) = (DVec3::splat(0.85), POLISHED),
                 3 => (object.f0, object.blur) = (DVec3::splat(0.5), POLISHED),
                 2 | 5 | 7 => object.f0 = DVec3::ZERO,
@@ -162,11 +163,11 @@ impl Synth {
         }
     }
 
-    /// Makes the scene and takes its photographs. The same call gives the same bytes; between platforms a byte may differ by one
-    /// where their mathematical libraries round differently.
+    /// Makes the scene and renders its photographs. Repeated calls give the same bytes. Between platforms a
+    /// byte may differ by one, if their mathematical libraries round differently.
     ///
     /// # Errors
-    /// [`Error::Usage`] for fewer views or pixels than there may be.
+    /// [`Error::Usage`] for too few views or pixels.
     pub fn photograph(self, options: &SynthOptions) -> Result<SynthScene> {
         let SynthOptions { views, size, points, seed } = *options;
         let (least_views, least_size) = (SynthOptions::LEAST_VIEWS, SynthOptions::LEAST_SIZE);
@@ -181,7 +182,7 @@ impl Synth {
         let (low, high) = (LOWEST.to_radians().sin(), HIGHEST.to_radians().sin());
         let golden = 180.0 * (3.0 - 5f64.sqrt());
         let photo = |(i, name): (usize, String)| {
-            // Fibonacci's spiral over a band of the sphere: evenly, and every eighth of it evenly too.
+            // Fibonacci's spiral over a band of the sphere: even in total, and even for every eighth view.
             let part = (i as f64 + 0.5) / f64::from(views);
             let azimuth = turn + golden * i as f64 + JITTER * signed();
             let elevation = (low + (high - low) * part).asin().to_degrees() + JITTER * signed();
@@ -203,8 +204,9 @@ impl SynthScene {
         self.photos.iter().map(move |photo| render(&self.studio, &photo.camera, part, CALM))
     }
 
-    /// Writes the dataset, the [`SynthOptions::files`]: transforms.json, points.ply, images/, and the two parts of each photograph in diffuse/ and specular/
-    /// (sRGB values of linear light that adds up). transforms.json comes last, so that what is not whole is no dataset.
+    /// Writes the [`SynthOptions::files`]: transforms.json, points.ply, images/, and the two parts of each
+    /// photograph in diffuse/ and specular/ (sRGB values of linear light that adds up). transforms.json is
+    /// written last, so that an incomplete folder is not a dataset.
     pub fn write(&self, folder: impl AsRef<Path>) -> Result<()> {
         let folder = folder.as_ref();
         for part in [IMAGES, DIFFUSE, SPECULAR].map(|part| folder.join(part)) {
@@ -291,7 +293,7 @@ mod tests {
         }
     }
 
-    /// Of the light of each scene, what reflection adds: nothing, some, most of it where there are mirrors.
+    /// Fraction of each scene's light that comes from reflection: none, some, or most of it with mirrors.
     #[test]
     fn scenes_shine_as_much_as_their_names_say() {
         let shares = ALL.map(|synth| {
@@ -300,22 +302,22 @@ mod tests {
             let parts = scene.truth(Part::All).zip(scene.truth(Part::Diffuse)).zip(scene.truth(Part::Specular));
             for ((all, diffuse), specular) in parts {
                 let worst = all.iter().zip(&diffuse).zip(&specular).map(|((a, d), s)| (a - d - s).abs());
-                // Sums of sixteen numbers in float32.
+                // Sums of sixteen float32 numbers.
                 assert!(worst.fold(0.0, f32::max) < 1e-6);
             }
             sum(Part::Specular) / sum(Part::All)
         });
         let [mirror, gloss, diffuse, mixed, rough] = shares;
         assert_eq!(diffuse, 0.0);
-        // `mixed` has matt objects among the others.
+        // `mixed` also has matt objects.
         assert!(
             gloss > 0.02 && mixed > 0.02 && [mirror, gloss, rough].iter().all(|share| *share > mixed),
             "{shares:?}"
         );
     }
 
-    /// What the standing mirror shows lies behind it: the same virtual point looks the same from two cameras, though the places
-    /// on the mirror through which they see it are far apart.
+    /// The standing mirror shows virtual images behind it: a virtual point looks the same from two cameras,
+    /// though they see it through distant places on the mirror.
     #[test]
     fn a_mirror_shows_virtual_images() {
         let studio = Studio::new(Synth::Mirror.objects(), DVec3::ZERO);
@@ -324,7 +326,7 @@ mod tests {
         };
         let normal = glam::DMat3::from_rotation_z(*yaw) * DVec3::NEG_Y;
         let face = *centre + half.y * normal;
-        // The red ball's nearest side to the mirror, and where its image is.
+        // The red ball's nearest side to the mirror, and the position of its image.
         let at = studio.objects[3].shape.centre() - 0.28 * normal;
         let image = at - 2.0 * (at - face).dot(normal) * normal;
         let mut seen = Vec::new();
@@ -342,7 +344,7 @@ mod tests {
         }
         let [(a, first), .., (b, last)] = seen[..] else { panic!("the image is hidden: {seen:?}") };
         assert!(a.distance(b) > 0.1, "{a} {b}");
-        // Red, and the same but for Schlick's grazing part.
+        // Red, and equal except for Schlick's grazing term.
         assert!(first.x > 3.0 * first.y && (first - last).abs().max_element() < 0.02 * first.x, "{first} {last}");
     }
 }

@@ -1,4 +1,4 @@
-//! What readers and writers of several formats need.
+//! Helpers of several formats' readers and writers.
 
 use std::io::Write;
 use std::path::Path;
@@ -7,7 +7,7 @@ use crate::Result;
 use crate::data::atomic::write_whole;
 use crate::scene::Gaussians;
 
-/// No Gaussians yet, but room for as many. The caller has compared `count` with what there are bytes for.
+/// Empty Gaussians with capacity for `count`. The caller has checked that the file has bytes for these.
 pub(super) fn room(count: usize, sh_degree: u32) -> Gaussians {
     let mut gaussians = Gaussians { sh_degree, ..Default::default() };
     gaussians.means.reserve_exact(count);
@@ -18,7 +18,7 @@ pub(super) fn room(count: usize, sh_degree: u32) -> Gaussians {
     gaussians
 }
 
-/// A number that is in the file as a little-endian float32.
+/// Reads a little-endian float32.
 pub(super) fn f32_at(bytes: &[u8], at: usize) -> f32 {
     f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }
@@ -28,7 +28,7 @@ pub(super) fn put(path: &Path, bytes: &[u8]) -> Result<()> {
     write_whole(path, |out| out.write_all(bytes))
 }
 
-/// A file's name for errors that a writer gives.
+/// A file's name for errors of writers.
 pub(super) fn name(path: &Path) -> String {
     path.display().to_string()
 }

@@ -1,18 +1,19 @@
-//! Floaters: few Gaussians far beyond all others, for whom the others' positions must not lose their bits.
+//! Finds floaters: a few Gaussians far beyond all others, which would cost the other positions their
+//! precision.
 
 use crate::scene::Gaussians;
 
-/// One Gaussian in so many is a floater at most: more of them are a background.
+/// At most one Gaussian in this number is a floater: more than that are a background.
 const NTH: usize = 100;
-/// So many times as far from the middle as nine of ten Gaussians.
+/// A floater's distance from the middle is at least this multiple of the distance of nine in ten Gaussians.
 const FAR: f64 = 100.0;
 
-/// A mean's largest coordinate.
+/// The largest coordinate of a mean.
 fn reach(mean: &[f32; 3]) -> f64 {
     mean.iter().fold(0.0, |most, &v| f64::from(v).abs().max(most))
 }
 
-/// The largest coordinate of all Gaussians, and of all but the most that can be floaters.
+/// The largest coordinate of all Gaussians, and of all except possible floaters.
 pub(super) fn reaches(means: &[[f32; 3]]) -> [f64; 2] {
     let mut all: Vec<f64> = means.iter().map(reach).collect();
     all.sort_by(f64::total_cmp);
@@ -20,8 +21,8 @@ pub(super) fn reaches(means: &[[f32; 3]]) -> [f64; 2] {
     [0, all.len() / NTH].map(from_end)
 }
 
-/// Moves what lies beyond `limit` to it, towards where coordinates begin and smaller by as much: seen from there it looks the same. How
-/// many these are.
+/// Moves Gaussians beyond `limit` to it, towards the coordinate origin, and shrinks them in proportion: from
+/// there they look the same. Returns their number.
 pub(super) fn move_in(gaussians: &mut Gaussians, limit: f64) -> usize {
     let mut moved = 0;
     for (mean, scales) in gaussians.means.iter_mut().zip(&mut gaussians.log_scales) {
@@ -35,7 +36,8 @@ pub(super) fn move_in(gaussians: &mut Gaussians, limit: f64) -> usize {
     moved
 }
 
-/// The middle of most Gaussians, and how far a Gaussian may be from it that is no floater; infinite if there are none.
+/// The middle of most Gaussians, and the distance from it beyond which a Gaussian is a floater; infinite if
+/// there are none.
 pub(super) fn core(means: &[[f32; 3]]) -> ([f64; 3], f64) {
     let at = |mut values: Vec<f64>, n: usize| *values.select_nth_unstable_by(n, f64::total_cmp).1;
     let Some(last) = means.len().checked_sub(1) else { return ([0.0; 3], f64::INFINITY) };
@@ -46,12 +48,12 @@ pub(super) fn core(means: &[[f32; 3]]) -> ([f64; 3], f64) {
     (middle, if limit > 0.0 && (1..=means.len() / NTH).contains(&beyond) { limit } else { f64::INFINITY })
 }
 
-/// From a place.
+/// Distance of a mean from a point.
 pub(super) fn distance(mean: &[f32; 3], from: [f64; 3]) -> f64 {
     (0..3).map(|axis| (f64::from(mean[axis]) - from[axis]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The median size of a Gaussian along an axis, by which the steps of a grid are judged; 0 of none.
+/// Median size of a Gaussian along an axis, to judge the step of a grid; 0 without Gaussians.
 pub(super) fn median_size(log_scales: &[[f32; 3]]) -> f64 {
     let mut all: Vec<f32> = log_scales.as_flattened().to_vec();
     let middle = all.len() / 2;
@@ -74,7 +76,7 @@ mod tests {
         let shrunk = [0.0f32, 1.0, -2.0].map(|v| v - 2000f32.ln());
         assert!((0..3).all(|axis| (gaussians.log_scales[200][axis] - shrunk[axis]).abs() < 1e-5));
         assert_eq!((gaussians.means[199], gaussians.log_scales[199]), ([1.0, 2.0, 3.0], [0.0, 1.0, -2.0]));
-        // Of fewer than a hundred none is left out of account.
+        // With fewer than a hundred, none is excluded.
         assert_eq!(reaches(&gaussians.means[150..]), [2000.0; 2]);
         assert_eq!((reaches(&[]), core(&[]).1), ([0.0; 2], f64::INFINITY));
     }

@@ -1,13 +1,14 @@
-//! glTF 2.0 with `KHR_gaussian_splatting`, and Gaussians with lobes in an extension of glint's.
+//! Reads and writes glTF 2.0 with `KHR_gaussian_splatting`; Gaussians with lobes use an extension of glint.
 //!
-//! Source: Khronos, KHR_gaussian_splatting. A primitive of points has, beside POSITION, a unit quaternion x, y, z, w, a scale (standard
-//! deviations; drafts before April 2026 had their logarithms), an opacity of 0 to 1, and the harmonics' coefficients, one attribute each.
-//! The frame is glTF's: x left, y up, z front, under the transformations of the nodes. What `GLINT_gaussian_lobes` adds is in
-//! docs/gltf.md.
+//! Source: Khronos, KHR_gaussian_splatting. Besides POSITION, a primitive of points has one attribute each
+//! for rotation (unit quaternion x, y, z, w), scale (standard deviations; drafts before April 2026 had their
+//! logarithms), opacity (0 to 1) and every coefficient of the harmonics. The frame is glTF's: x left, y up, z
+//! front, under the transformations of the nodes. docs/gltf.md describes `GLINT_gaussian_lobes`.
 //!
-//! Drafts of Khronos put an SPZ scene into a buffer view, which then has all attributes: `KHR_gaussian_splatting_compression_spz_2` (or without
-//! its number) in the primitive's `KHR_gaussian_splatting`, and before that
-//! `KHR_spz_gaussian_splats_compression` or `KHR_spz_compression` in the primitive.
+//! In Khronos' drafts, an SPZ scene in a buffer view has all attributes. Its extension is
+//! `KHR_gaussian_splatting_compression_spz_2` (or without its number) in the primitive's
+//! `KHR_gaussian_splatting`. Older names are `KHR_spz_gaussian_splats_compression` or `KHR_spz_compression`
+//! in the primitive.
 
 mod document;
 mod write;
@@ -33,7 +34,7 @@ use document::Document;
 /// Names of the extensions.
 const SPLATTING: &str = "KHR_gaussian_splatting";
 const LOBES: &str = "GLINT_gaussian_lobes";
-/// Those that a file may require.
+/// Extensions that a file may require.
 const KNOWN: [&str; 7] = [
     SPLATTING,
     LOBES,
@@ -45,7 +46,7 @@ const KNOWN: [&str; 7] = [
 ];
 /// Between PLY (x right, y down, z front) and glTF (x left, y up, z front).
 const X_LEFT_Y_UP: Signs = [-1.0, -1.0, 1.0];
-/// Attributes beside POSITION.
+/// Attributes besides POSITION.
 const ROTATION: &str = "KHR_gaussian_splatting:ROTATION";
 const SCALE: &str = "KHR_gaussian_splatting:SCALE";
 const OPACITY: &str = "KHR_gaussian_splatting:OPACITY";
@@ -53,7 +54,7 @@ const LOBE_DIRECTION: &str = "GLINT_gaussian_lobes:DIRECTION";
 const LOBE_WIDTH: &str = "GLINT_gaussian_lobes:WIDTH";
 const LOBE_SHARPNESS: &str = "GLINT_gaussian_lobes:SHARPNESS";
 
-/// Of coefficient `k`: its degree and its place among those of its degree.
+/// Attribute name of coefficient `k`: its degree, and its index in that degree.
 fn harmonic(k: usize) -> String {
     let degree = k.isqrt();
     format!("KHR_gaussian_splatting:SH_DEGREE_{degree}_COEF_{}", k - degree * degree)
@@ -84,7 +85,7 @@ struct PrimitiveExtensions<'a> {
     spz: Option<Spz>,
 }
 
-/// Where an SPZ scene is.
+/// Location of an SPZ scene.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Spz {
@@ -151,7 +152,8 @@ struct Nodes {
     nodes: Vec<usize>,
 }
 
-/// All splats of the file's scene. Files that it names are looked for in `folder`, if there is one; `path` is only named in errors.
+/// Reads all splats of the file's scene. Files that it names are read from `folder`, if there is one; `path`
+/// is only used in errors.
 pub(in crate::data) fn parse(bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<SceneFile> {
     read(bytes, folder).map_err(|what| Error::input(path, what))
 }
@@ -163,11 +165,12 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
     }
     let mut found = Found::default();
     for Placed { mesh, matrix, trained_with } in placed_meshes(&document)? {
-        // One scene has one: the first that is said.
+        // A scene has one setting: the first one found.
         if found.trained_with.is_unknown() {
             found.trained_with = trained_with;
         }
-        // A mesh that many nodes name is read as often, and text takes longer than numbers: a byte of it as long as eight of these.
+        // A mesh is read once for every node that names it, and text takes longer than numbers: count a byte
+        // of it as eight.
         let text = document.root.meshes.get(mesh).map_or(0, |text| text.get().len());
         found.promise(&document, 8 * text as u64, "meshes")?;
         let primitives: Mesh = Document::object(&document.root.meshes, mesh, "mesh")?;
@@ -192,12 +195,12 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
 /// A mesh of the scene.
 struct Placed {
     mesh: usize,
-    /// Where its nodes put it.
+    /// Transformation by its nodes.
     matrix: DMat4,
     trained_with: TrainedWith,
 }
 
-/// Every mesh of the scene.
+/// Every mesh of the scene with its transformation.
 fn placed_meshes(document: &Document) -> Result<Vec<Placed>, String> {
     let root = &document.root;
     let roots = match (root.scene, root.scenes.is_empty()) {
@@ -209,7 +212,7 @@ fn placed_meshes(document: &Document) -> Result<Vec<Placed>, String> {
     let mut open: Vec<(usize, DMat4)> = roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY)).collect();
     while let Some((index, above)) = open.pop() {
         let node: Node = Document::object(&root.nodes, index, "node")?;
-        // Nodes are trees, so no list of open ones is longer than that of all.
+        // Nodes form trees, so the list of open nodes is never longer than that of all.
         if std::mem::replace(&mut seen[index], true) {
             return Err(format!("reaches node {index} twice, expected a tree"));
         }
@@ -231,16 +234,16 @@ struct Splats<'a> {
     splatting: Splatting<'a>,
 }
 
-/// What was read so far.
+/// Data read so far.
 #[derive(Default)]
 struct Found {
-    /// Bytes that it was and will be made of.
+    /// Bytes of the data, read or still to be read.
     promised: u64,
-    /// What means count from, in glTF's frame: known once there are any.
+    /// Origin of the means, in glTF's frame; known after the first Gaussians.
     origin: Option<DVec3>,
     trained_with: TrainedWith,
     shown: Option<Gaussians>,
-    /// Where any primitive has such.
+    /// The trained base, if any primitive has one.
     learned: Option<Gaussians>,
     supplement: Option<Supplement>,
 }
@@ -274,7 +277,7 @@ impl Found {
             ));
         }
         if learned.is_some() || self.learned.is_some() {
-            // From the first that learned on, the two are not the same.
+            // The shown and the trained base differ from the first primitive with a trained one.
             let before = self.shown.clone();
             if self.learned.is_none() {
                 self.learned = before;
@@ -315,13 +318,14 @@ impl Found {
         Ok(())
     }
 
-    /// Fails where all that was promised is more than such a file may become.
+    /// Fails if the total of the promised bytes is too large for the file.
     fn promise(&mut self, document: &Document, bytes: u64, what: &str) -> Result<(), String> {
         self.promised = self.promised.saturating_add(bytes);
         inflate::check_promise(document.bytes(), self.promised, what)
     }
 
-    /// The Gaussians of an SPZ scene, in the frame of PLY. The extension unpacks SPZ to glTF's frame, in which nodes place it.
+    /// Gaussians of an SPZ scene, in PLY's frame. The extension defines SPZ data in glTF's frame, and nodes
+    /// transform it there.
     fn inflated(&mut self, document: &Document, view: usize, placing: Placing) -> Result<Gaussians, String> {
         let (bytes, _) = document.view(view)?;
         let (mut out, antialiased) = spz::read(bytes).map_err(|what| format!("bufferView {view} {what}"))?;
@@ -334,7 +338,7 @@ impl Found {
         Ok(self.placed(out, placing))
     }
 
-    /// The Gaussians of these attributes, in the frame of PLY.
+    /// Gaussians from these attributes, in PLY's frame.
     fn gaussians(
         &mut self,
         document: &Document,
@@ -353,7 +357,7 @@ impl Found {
         self.promise(document, (bytes * count) as u64, "Gaussians")?;
         let scales = document.numbers::<3>(place(SCALE)?, SCALE)?;
         same(SCALE, scales.len(), count)?;
-        // Linear scales are never negative, logarithms of scenes that fit a room nearly all.
+        // Linear scales are never negative, but nearly all logarithms are if the scene fits a room.
         let negative = scales.as_flattened().iter().filter(|&&v| v < 0.0).count();
         let linear = 2 * negative <= 3 * count;
         out.log_scales = if linear { scales.into_iter().map(|s| s.map(quantise::log_scale)).collect() } else { scales };
@@ -374,8 +378,8 @@ impl Found {
         Ok(self.placed(out, placing))
     }
 
-    /// Gaussians of glTF's frame where a node places them, in the frame of PLY. If that is so far away that float32 does not hold them
-    /// there, they count from that place.
+    /// Transforms Gaussians from glTF's frame by their node, into PLY's frame. If the node is too far away
+    /// for float32, their means are relative to its position.
     fn placed(&mut self, mut gaussians: Gaussians, placing: Placing) -> Gaussians {
         let origin = self.origin.get_or_insert_with(|| {
             let reach = |at: &[f32; 3]| placing.scale() * DVec3::from_array(at.map(f64::from)).length();
@@ -392,13 +396,13 @@ impl Found {
             Some(learned) => (learned, Some(shown)),
             None => (shown, None),
         };
-        // Where what is shown and what was learned differ, both have the greater degree.
+        // If the shown and the trained base differ, raise both to the higher degree.
         let degree = shown.iter().fold(base.sh_degree, |degree, shown| degree.max(shown.sh_degree));
         let (mut base, mut shown) = (base, shown);
         raise(&mut base, degree);
         shown.iter_mut().for_each(|shown| raise(shown, degree));
         let flipped = DVec3::from_array(X_LEFT_Y_UP.map(f64::from)) * self.origin.unwrap_or_default();
-        // Without −0.
+        // Avoids −0.
         let origin = flipped + DVec3::ZERO;
         let scene = Scene { base, supplement: self.supplement, origin };
         Ok(SceneFile { shown, trained_with: self.trained_with, ..scene.into() })
@@ -413,7 +417,7 @@ fn same(name: &str, count: usize, expected: usize) -> Result<(), String> {
     if count == expected { Ok(()) } else { Err(format!("has {count} values of `{name}`, expected {expected}")) }
 }
 
-/// Gives Gaussians coefficients up to this degree, which are 0.
+/// Raises Gaussians to this degree with coefficients of 0.
 fn raise(gaussians: &mut Gaussians, degree: u32) {
     let before = gaussians.sh_coefficients();
     if degree <= gaussians.sh_degree {
@@ -425,7 +429,7 @@ fn raise(gaussians: &mut Gaussians, degree: u32) {
     gaussians.sh = rows.flat_map(|row| row.iter().copied().chain(std::iter::repeat_n([0.0; 3], k - before))).collect();
 }
 
-/// Puts `more` behind what is there, both of the greater degree.
+/// Appends `more`; both get the higher degree.
 fn append(all: &mut Option<Gaussians>, mut more: Gaussians) {
     let Some(all) = all else {
         *all = Some(more);

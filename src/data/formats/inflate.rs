@@ -1,16 +1,16 @@
-//! Decompression that trusts nobody: what comes out is bounded before there is room for it. And gzip's other direction.
+//! Safe decompression, with sizes limited before memory is allocated; and gzip compression.
 
 use std::io::{self, Read, Write};
 
 use flate2::{Compression, read::GzDecoder, write::GzEncoder};
 
-/// What a scene may become when it is decompressed, for each byte of its file. Its positions and rotations hardly shrink, so real scenes
-/// become 2 to 8 times as large; gzip ends at 1,032 and zstd at 32,768.
+/// Maximum decompressed bytes per byte of a scene's file. Positions and rotations hardly compress, so real
+/// scenes grow 2 to 8 times; gzip's limit is 1,032 and zstd's 32,768.
 const BYTES_PER_BYTE: u64 = 256;
-/// A scene of a thousand equal Gaussians may be as small as it likes.
+/// Decompressed bytes that are always allowed, so that a thousand equal Gaussians may compress to any size.
 const FREE_BYTES: u64 = 1 << 20;
 
-/// Fails if a file of `have` bytes should become `promised` bytes. `what` says of what these are.
+/// Fails if `promised` bytes are too many for a file of `have` bytes. `what` names them in the error.
 pub(super) fn check_promise(have: usize, promised: u64, what: &str) -> Result<(), String> {
     let most = (have as u64).saturating_mul(BYTES_PER_BYTE).saturating_add(FREE_BYTES);
     if promised <= most {
@@ -19,7 +19,7 @@ pub(super) fn check_promise(have: usize, promised: u64, what: &str) -> Result<()
     Err(format!("promises {promised} bytes of {what}, expected no more than {most} of a file of {have} bytes"))
 }
 
-/// At most `limit` bytes of a gzip stream, and whether there are more.
+/// Decompresses at most `limit` bytes of a gzip stream, and tells whether there are more.
 pub(super) fn gzip(bytes: &[u8], limit: u64) -> Result<(Vec<u8>, bool), String> {
     let mut out = Vec::new();
     let mut decoder = GzDecoder::new(bytes).take(limit.saturating_add(1));
@@ -29,14 +29,14 @@ pub(super) fn gzip(bytes: &[u8], limit: u64) -> Result<(Vec<u8>, bool), String> 
     Ok((out, more))
 }
 
-/// A gzip stream of all.
+/// Compresses all bytes to a gzip stream.
 pub(super) fn deflate(bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     encoder.write_all(bytes)?;
     encoder.finish()
 }
 
-/// All of a zstd stream, which must become `length` bytes; those have passed [`check_promise`].
+/// Decompresses a whole zstd stream to exactly `length` bytes, a number that has passed [`check_promise`].
 pub(super) fn zstd(bytes: &[u8], length: usize, what: &str) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     out.try_reserve_exact(length).map_err(|error| format!("{what}: {error}"))?;

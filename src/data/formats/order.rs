@@ -1,14 +1,15 @@
-//! Gaussians in the order of a curve that fills space, so that neighbours in a file are neighbours in the scene.
+//! Orders Gaussians along a space-filling curve, so that neighbours in a file are neighbours in the scene.
 
 use super::floaters;
 use crate::scene::Gaussians;
 
-/// Of each axis.
+/// Bits per axis.
 const BITS: u32 = 21;
 
-/// Indices along Hilbert's curve, on which whoever comes next is a neighbour in space, and so is what lies in a run of it.
+/// Indices along Hilbert's curve: successive Gaussians are neighbours in space, and a run of the curve is
+/// compact.
 pub(super) fn along_curve(means: &[[f32; 3]]) -> Vec<usize> {
-    // Of a floater the nearest cell, or it would put all others into one.
+    // Floaters use the nearest cell; otherwise all others would share one.
     let (middle, limit) = floaters::core(means);
     let bound = |pick: fn(f64, f64) -> f64, start: f64, side: f64| {
         let all = means.iter().map(|mean| mean.map(f64::from));
@@ -28,7 +29,7 @@ pub(super) fn along_curve(means: &[[f32; 3]]) -> Vec<usize> {
     codes.into_iter().map(|(_, i)| i).collect()
 }
 
-/// Where a cell lies on the curve, by J. Skilling's transform ("Programming the Hilbert curve", 2004).
+/// Position of a cell on the curve, by J. Skilling's transform ("Programming the Hilbert curve", 2004).
 fn on_curve(mut cell: [u64; 3]) -> u64 {
     let bits = || (1..BITS).rev().map(|i| 1u64 << i);
     for bit in bits() {
@@ -49,7 +50,7 @@ fn on_curve(mut cell: [u64; 3]) -> u64 {
     cell.into_iter().fold(0, |code, v| code << 1 | spread(v ^ turn))
 }
 
-/// Two zeros between any two of 21 bits.
+/// Inserts two zeros after each of 21 bits.
 fn spread(bits: u64) -> u64 {
     [
         (32, 0x1f_0000_0000_ffff),
@@ -62,7 +63,7 @@ fn spread(bits: u64) -> u64 {
     .fold(bits, |bits, (shift, mask)| (bits | bits << shift) & mask)
 }
 
-/// The Gaussians of these indices.
+/// The Gaussians with these indices, in this order.
 pub(super) fn take(gaussians: &Gaussians, order: &[usize]) -> Gaussians {
     let k = gaussians.sh_coefficients();
     Gaussians {

@@ -1,10 +1,12 @@
-//! The compressed PLY of PlayCanvas: chunks of 256 Gaussians, within whose bounds each is a few bits.
+//! Reads and writes PlayCanvas' compressed PLY: chunks of 256 Gaussians, quantised within the chunk's bounds.
 //!
-//! Source: playcanvas/splat-transform, compressed-chunk.ts and decompress-ply.ts. Element `chunk` has the least and greatest position,
-//! logarithm of scale and (in newer files) colour of its Gaussians as float32. Element `vertex` has four 32-bit words a Gaussian, the first
-//! component in the high bits: position and scale of 11, 10 and 11 bits between the chunk's bounds; colour and opacity of 8 bits
-//! each; the rotation w, x, y, z as the index of its largest component (2 bits) and the others of 10 bits for −√½ to √½. Element `sh` has
-//! the harmonics above the constant one, channel by channel as in a 3DGS PLY, as bytes for −4 to 4. The frame is that of a 3DGS PLY.
+//! Source: playcanvas/splat-transform, compressed-chunk.ts and decompress-ply.ts. Element `chunk` has the
+//! minimum and maximum of its Gaussians' positions, logarithms of scales and (in newer files) colours as
+//! float32. Element `vertex` has four 32-bit words per Gaussian, the first component in the high bits:
+//! position and scale of 11, 10 and 11 bits between the chunk's bounds; colour and opacity of 8 bits each;
+//! the rotation w, x, y, z as the index of its largest component (2 bits) and the others of 10 bits for −√½
+//! to √½. Element `sh` has the harmonics above the constant one, channel by channel as in a 3DGS PLY, as
+//! bytes for −4 to 4. The frame is that of a 3DGS PLY.
 
 use std::io::Write;
 use std::ops::Range;
@@ -17,10 +19,10 @@ use crate::data::ply_format::{Element, Ply, write_comments};
 use crate::scene::Gaussians;
 use crate::{Error, Result};
 
-/// Gaussians of a chunk.
+/// Gaussians per chunk.
 const CHUNK: usize = 256;
 const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
-/// Least and greatest of each, in the order in which they are written.
+/// Names of the minima and maxima, in file order.
 const BOUNDS: [&str; 18] = [
     "min_x",
     "min_y",
@@ -41,25 +43,26 @@ const BOUNDS: [&str; 18] = [
     "max_g",
     "max_b",
 ];
-/// Where the colours' bounds begin; in files without them the bounds are 0 and 1.
+/// Start of the colours' bounds; in files without them the bounds are 0 and 1.
 const COLOURS: usize = 12;
 const NO_COLOUR_BOUNDS: [f32; 6] = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
 /// Bits of the three parts of a position or scale.
 const PARTS: [u32; 3] = [11, 10, 11];
-/// Logarithms of scales are kept within this, or one Gaussian that is infinitely thin would take the bits of its whole chunk.
+/// Clamp for logarithms of scales; otherwise one infinitely thin Gaussian would use up the bits of its whole
+/// chunk.
 const SCALES: f32 = 20.0;
-/// A grid is told of whose step is more than this part of the median size of a Gaussian of its chunk: a mean is then off by up to
-/// half a standard deviation.
+/// A note reports chunks with a grid step above this fraction of a Gaussian's median size: a mean is then off
+/// by up to half a standard deviation.
 const COARSE: f64 = 1.0;
-/// A coefficient of 0 to 1 is that of −4 to 4.
+/// Range of a coefficient: bytes cover −4 to 4.
 const HARMONICS: f64 = 8.0;
 
-/// Whether this is such a file.
+/// Whether a PLY has this layout.
 pub(in crate::data) fn is_packed(ply: &Ply) -> bool {
     ply.element("vertex").is_some_and(|vertex| vertex.scalar(PACKED[0]).is_some())
 }
 
-/// `path` is only named in errors.
+/// Reads the Gaussians. `path` is only used in errors.
 pub(in crate::data) fn unpack(ply: &Ply, path: &Path) -> Result<Gaussians> {
     let fail = |what: String| Error::input(path, what);
     let element = |name: &str| {
@@ -99,7 +102,7 @@ pub(in crate::data) fn unpack(ply: &Ply, path: &Path) -> Result<Gaussians> {
                 row.iter_mut().zip(&bounds).for_each(|(slot, &at)| *slot = values[at] as f32);
                 limits.push(row);
             }
-            // As signed numbers they are the same bits.
+            // The sign does not matter: the bits are the same.
             "vertex" => words.push(packed.map(|at| values[at] as i64 as u32)),
             "sh" => bytes.extend(harmonics.iter().map(|&at| values[at] as u8)),
             _ => {}
@@ -126,7 +129,7 @@ pub(in crate::data) fn unpack(ply: &Ply, path: &Path) -> Result<Gaussians> {
     Ok(out)
 }
 
-/// Where the harmonics of element `sh` are, in order.
+/// Columns of the harmonics in element `sh`, in order.
 fn harmonics(sh: &Element, count: u64) -> Result<Vec<usize>, String> {
     let places: Vec<usize> = (0..).map_while(|i| sh.scalar(&format!("f_rest_{i}"))).take(46).collect();
     if ![9, 24, 45].contains(&places.len()) {
@@ -145,12 +148,12 @@ fn harmonics(sh: &Element, count: u64) -> Result<Vec<usize>, String> {
     Ok(places)
 }
 
-/// Values between the least three and the greatest three.
+/// Interpolates between the three minima and the three maxima.
 fn between(shares: [f64; 3], limits: &[f32]) -> [f64; 3] {
     std::array::from_fn(|i| f64::from(limits[i]) * (1.0 - shares[i]) + f64::from(limits[i + 3]) * shares[i])
 }
 
-/// A position or scale.
+/// Unpacks a position or scale.
 fn three(word: u32, limits: &[f32]) -> [f32; 3] {
     let [_, second, third] = PARTS;
     let parts = [word >> (second + third), word >> third, word];
@@ -165,7 +168,7 @@ fn rotation_part(bits: u32) -> f64 {
     (f64::from(bits) / 1023.0 - 0.5) * std::f64::consts::SQRT_2
 }
 
-/// The ends are −4 and 4, bytes between them the middle of what they stand for.
+/// The extreme bytes are −4 and 4; the others stand for the middle of their interval.
 fn harmonic(byte: u8) -> f64 {
     let share = match byte {
         0 => 0.0,
@@ -175,7 +178,7 @@ fn harmonic(byte: u8) -> f64 {
     HARMONICS * (share - 0.5)
 }
 
-/// The byte whose value is nearest.
+/// The byte with the nearest value.
 fn harmonic_byte(value: f32) -> u8 {
     let value = f64::from(value);
     let near = (256.0 * (value / HARMONICS + 0.5)).floor().clamp(0.0, 255.0) as u8;
@@ -184,7 +187,7 @@ fn harmonic_byte(value: f32) -> u8 {
     candidates.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(near)
 }
 
-/// Gaussians are put into another order, in which those of a chunk are neighbours. Floaters have chunks of their own.
+/// Writes the Gaussians reordered, so that those of a chunk are neighbours. Floaters get their own chunks.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let gaussians = &file.scene.base;
     let (order, fill) = chunks(gaussians);
@@ -253,7 +256,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
     Ok(notes)
 }
 
-/// Gaussians in the order of the file, floaters last; and which of these rows only fill the chunk before the floaters' first.
+/// Gaussians in file order, floaters last; and the range of rows that only pad the chunk before the floaters.
 fn chunks(gaussians: &Gaussians) -> (Vec<usize>, Range<usize>) {
     let (middle, limit) = floaters::core(&gaussians.means);
     let all = order::along_curve(&gaussians.means);
@@ -282,7 +285,7 @@ fn write_header(out: &mut Vec<u8>, count: usize, higher: usize, file: &SceneFile
     writeln!(out, "end_header")
 }
 
-/// The least and the greatest of each.
+/// Minimum and maximum of each component.
 fn limits(values: impl Iterator<Item = [f32; 3]>) -> [f32; 6] {
     values
         .fold([f32::INFINITY, f32::NEG_INFINITY].map(|v| [v; 3]), |[low, high], value| {
@@ -293,7 +296,7 @@ fn limits(values: impl Iterator<Item = [f32; 3]>) -> [f32; 6] {
         .unwrap_or_default()
 }
 
-/// The nearest of 2^`bits` values between the limits of part `part`.
+/// The nearest of 2^`bits` values between the limits of component `part`.
 fn bits(value: f32, limits: &[f32; 6], part: usize, bits: u32) -> u32 {
     let [value, low, high] = [value, limits[part], limits[part + 3]].map(f64::from);
     let share = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 };

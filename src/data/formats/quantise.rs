@@ -1,25 +1,25 @@
-//! From numbers to bytes and back, as several formats have it.
+//! Conversions between numbers and bytes that several formats share.
 
 use std::f64::consts::FRAC_2_SQRT_PI;
 
 /// The constant harmonic, √(1/4π): a colour of 0 to 1 is 0.5 + `C0` times the coefficient.
 pub(super) const C0: f64 = FRAC_2_SQRT_PI / 4.0;
 
-/// What a flat Gaussian's scale of 0 is read as, since it has no logarithm: the least float32 that is not denormal.
+/// Stands for the scale 0 of a flat Gaussian, which has no logarithm: the smallest normal float32.
 const FLAT: f32 = f32::MIN_POSITIVE;
 
-/// The nearest of 0 to 255; NaN is 0.
+/// Rounds to 0 to 255; NaN becomes 0.
 pub(super) fn byte(value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }
 
-/// Opacity, 0 to 1.
+/// Opacity from its logit, 0 to 1.
 pub(super) fn opacity(logit: f32) -> f64 {
     1.0 / (1.0 + (-f64::from(logit)).exp())
 }
 
-/// The logit of an opacity. 1 and 0 have none: the nearest numbers that do are taken. What is no opacity becomes NaN, which is then
-/// refused as a number that is not finite.
+/// Logit of an opacity. 1 and 0 have none, so the nearest numbers that have one are used. Invalid opacities
+/// become NaN, which is later refused as not finite.
 pub(super) fn logit(opacity: f32) -> f32 {
     if !(0.0..=1.0).contains(&opacity) {
         return f32::NAN;
@@ -33,8 +33,8 @@ pub(super) fn opacity_byte(logit: f32) -> u8 {
     byte(255.0 * opacity(logit))
 }
 
-/// The logit of a byte of opacity. What rounds to 0 lies between 0 and half a step, and to 255 between 254.5 and 255; neither end has
-/// a logit, so the middle of that is taken.
+/// Logit of a byte of opacity. Bytes 0 and 255 stand for 0 to half a step and for 254.5 to 255. The ends have
+/// no logit, so the middle of these intervals is used.
 pub(super) fn opacity_logit(byte: u8) -> f32 {
     let value = match byte {
         0 => 0.25,
@@ -44,34 +44,35 @@ pub(super) fn opacity_logit(byte: u8) -> f32 {
     (value / (255.0 - value)).ln() as f32
 }
 
-/// A colour's coefficient from its byte.
+/// Coefficient of a colour byte.
 pub(super) fn colour_coefficient(byte: u8) -> f32 {
     ((f64::from(byte) / 255.0 - 0.5) / C0) as f32
 }
 
-/// A colour as a byte; beyond 0 to 1 it is cut off.
+/// Colour byte of a coefficient; values outside 0 to 1 are clamped.
 pub(super) fn colour_byte(coefficient: f32) -> u8 {
     byte(255.0 * (0.5 + C0 * f64::from(coefficient)))
 }
 
-/// The logarithm of a scale. A negative one has none (NaN), which is then refused as a number that is not finite.
+/// Logarithm of a scale. A negative scale becomes NaN, which is later refused as not finite.
 pub(super) fn log_scale(scale: f32) -> f32 {
     if scale == 0.0 { FLAT.ln() } else { scale.ln() }
 }
 
-/// The standard deviation that is stored; what float32 does not hold is its greatest.
+/// Standard deviation to store, clamped to float32's maximum.
 pub(super) fn scale(log_scale: f32) -> f32 {
     log_scale.exp().min(f32::MAX)
 }
 
-/// Of length 1, in float64; a zero rotation stays as it is.
+/// Normalises a quaternion in float64; a zero rotation stays unchanged.
 pub(super) fn unit(quat: [f32; 4]) -> [f64; 4] {
     let quat = quat.map(f64::from);
     let length = quat.iter().map(|v| v * v).sum::<f64>().sqrt();
     if length > 0.0 { quat.map(|v| v / length) } else { quat }
 }
 
-/// A rotation as its three smaller components, in their order, with the sign that makes the largest positive; and which that is.
+/// Index of the largest component of a rotation, and the other three in order, with the sign that makes the
+/// largest positive.
 pub(super) fn smallest_three(quat: [f32; 4]) -> (usize, [f64; 3]) {
     let unit = unit(quat);
     let mut largest = 0;

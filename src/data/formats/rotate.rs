@@ -1,4 +1,4 @@
-//! Gaussians in another place, of another size, turned by any rotation.
+//! Transforms Gaussians by a rotation, a uniform scale and a translation.
 
 use std::f64::consts::TAU;
 
@@ -6,10 +6,10 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 
 use crate::scene::{Gaussians, Lobes};
 
-/// How far the columns of a matrix may be from being perpendicular and equally long.
+/// Tolerance for the columns of a matrix to be perpendicular and equally long.
 const SKEW: f64 = 1e-4;
 
-/// First a rotation, then a scale, then a shift.
+/// A rotation, then a scale, then a translation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placing {
     rotation: DMat3,
@@ -18,7 +18,7 @@ pub(super) struct Placing {
 }
 
 impl Placing {
-    /// `None` of a matrix that mirrors, shears, or scales axes differently.
+    /// `None` if the matrix mirrors, shears, or scales axes differently.
     pub(super) fn of(matrix: DMat4) -> Option<Placing> {
         let linear = DMat3::from_mat4(matrix);
         let scale = linear.determinant().cbrt();
@@ -32,22 +32,22 @@ impl Placing {
         })
     }
 
-    /// Where it puts what lies where coordinates begin.
+    /// Image of the coordinate origin.
     pub(super) fn shift(&self) -> DVec3 {
         self.shift
     }
 
-    /// What it makes of lengths.
+    /// Scale factor of lengths.
     pub(super) fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// Moved besides.
+    /// Adds a translation.
     pub(super) fn shifted(self, by: DVec3) -> Placing {
         Placing { shift: self.shift + by, ..self }
     }
 
-    /// Changes nothing, not even by rounding, where this is nothing.
+    /// Transforms Gaussians; the identity changes no bit.
     pub(super) fn apply(&self, gaussians: &mut Gaussians) {
         if *self == (Placing { rotation: DMat3::IDENTITY, scale: 1.0, shift: DVec3::ZERO }) {
             return;
@@ -78,7 +78,7 @@ impl Placing {
         }
     }
 
-    /// Directions know no size.
+    /// Rotates lobes; directions have no size.
     pub(super) fn apply_to_lobes(&self, lobes: &mut Lobes) {
         if self.rotation == DMat3::IDENTITY {
             return;
@@ -89,9 +89,9 @@ impl Placing {
     }
 }
 
-/// What the coefficients of degree `l` are multiplied by: the function that they stand for, turned, is M_ij = ∫ Y_i(d) Y_j(Rᵀd) dω times
-/// them. The product of Gauss's rule of four nodes in z and eight even steps around z is exact for polynomials up to degree 7, and these
-/// have 6.
+/// Matrix for the coefficients of degree `l` under a rotation: M_ij = ∫ Y_i(d) Y_j(Rᵀd) dω. The product of
+/// Gauss's rule with four nodes in z and eight even steps around z is exact for polynomials up to degree 7,
+/// and the integrands have degree 6.
 fn band(l: usize, rotation: &DMat3) -> Vec<Vec<f64>> {
     const NODES: [(f64, f64); 2] =
         [(0.861_136_311_594_052_6, 0.347_854_845_137_453_85), (0.339_981_043_584_856_26, 0.652_145_154_862_546_2)];
@@ -112,7 +112,7 @@ fn band(l: usize, rotation: &DMat3) -> Vec<Vec<f64>> {
     out
 }
 
-/// Real harmonics up to degree 3 of a unit vector, with the signs of 3DGS (Condon and Shortley's phase).
+/// Real harmonics up to degree 3 at a unit vector, with the signs of 3DGS (Condon and Shortley's phase).
 fn harmonics(d: DVec3) -> [f64; 16] {
     let DVec3 { x, y, z } = d;
     let n = |numerator: f64, denominator: f64| (numerator / (denominator * std::f64::consts::PI)).sqrt();
@@ -166,7 +166,7 @@ mod tests {
         }
     }
 
-    /// Two ways to turn by 180°, of which the other only knows signs.
+    /// Compares with the sign flips of `axes`, another implementation of rotations by 180°.
     #[test]
     fn half_turns_are_changes_of_sign() {
         for (signs, axis) in
@@ -183,7 +183,7 @@ mod tests {
             for (a, b) in turned.quats.iter().zip(&flipped.quats) {
                 let matrix = |q: &[f32; 4]| {
                     let [w, x, y, z] = q.map(f64::from);
-                    // A turned Gaussian is the same once more turned about its own axes by 180°.
+                    // Rotating a Gaussian by 180° about its own axes does not change it.
                     let frame = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
                     frame * DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.0)) * frame.transpose()
                 };

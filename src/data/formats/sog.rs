@@ -1,17 +1,20 @@
-//! SOG of PlayCanvas: bytes of Gaussians as pixels of lossless WebP images, in a ZIP archive or a folder.
+//! Reads and writes PlayCanvas' SOG: bytes of Gaussians as pixels of lossless WebP images, in a ZIP archive
+//! or a folder.
 //!
-//! Source: "The SOG Format", developer.playcanvas.com, version 2. `meta.json` names the images; pixel i of each, row by row, is of
-//! Gaussian i:
+//! Source: "The SOG Format", developer.playcanvas.com, version 2. `meta.json` names the images; pixel i of
+//! each, row by row, belongs to Gaussian i:
 //!
 //! - means: two images, the low and the high byte of 16 bits between `mins` and `maxs` of sign(v) ln(1 + |v|)
 //! - scales: R, G, B as indices into a codebook of logarithms
-//! - quats: A − 252 says which of w, x, y, z is the largest, R, G, B are the others in their order, of −√½ to √½
+//! - quats: A − 252 is the index of the largest of w, x, y, z; R, G, B are the others in their order, for −√½
+//!   to √½
 //! - sh0: R, G, B as indices into a codebook of the constant harmonic's coefficients, A the opacity
-//! - shN: an image of labels (low byte R, high byte G) and one of what they stand for, 64 entries a row and a pixel for each coefficient,
-//!   whose R, G, B are indices into a codebook
+//! - shN: an image of labels (low byte R, high byte G) and one of their entries: 64 entries per row and one
+//!   pixel per coefficient, with R, G, B as indices into a codebook
 //!
-//! Version 1, which SuperSplat wrote until August 2025, has no `version` and no codebooks: `mins` and `maxs` in their place, by channel of
-//! scales and sh0 (whose A is the logit of the opacity), one of each for shN. The first number of the means' `shape` is the count.
+//! Version 1, written by SuperSplat until August 2025, has no `version`, and `mins` and `maxs` instead of
+//! codebooks: per channel for scales and sh0 (A is the logit of the opacity), a single pair for shN. The
+//! first number of the means' `shape` is the count.
 //!
 //! The frame is that of PLY.
 
@@ -39,7 +42,7 @@ use files::Files;
 
 /// Entries in a row of the palette of harmonics.
 const PALETTE_ROW: usize = 64;
-/// The alpha of a rotation whose first component is the largest.
+/// Alpha of a rotation whose largest component is the first.
 const FIRST_LARGEST: u8 = 252;
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -48,7 +51,7 @@ struct Meta {
     count: usize,
     #[serde(default)]
     antialias: bool,
-    /// What positions count from, in the world; other programs pass it over.
+    /// World position of the coordinate origin; other programs ignore it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     origin: Option<[f64; 3]>,
     #[serde(
@@ -85,21 +88,21 @@ struct Images {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct Palette {
-    /// Not said in version 1, as the bands.
+    /// Missing in version 1, as are the bands.
     count: Option<usize>,
     bands: Option<u32>,
     codebook: Vec<f32>,
     files: Vec<String>,
 }
 
-/// Only to say of another version what it is.
+/// Only used to name an unsupported version in errors.
 #[derive(Debug, Deserialize)]
 struct Version {
     version: Option<serde_json::Number>,
 }
 
-/// `bytes` are an archive's, or a description's whose images
-/// are in `folder`; `path` is only named in errors.
+/// Reads a scene. `bytes` are an archive, or a description with images in `folder`; `path` is only used in
+/// errors.
 pub(in crate::data) fn parse(bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<SceneFile> {
     read(bytes, folder).map_err(|what| Error::input(path, what))
 }
@@ -130,7 +133,7 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
         }
         Ok(image)
     };
-    // All of the images are there before anything of the size of the count is.
+    // Decode all images before allocating memory by the count.
     let means = [image(&meta.means.files, 0, "means")?, image(&meta.means.files, 1, "means")?];
     let quats = image(&meta.quats.files, 0, "quats")?;
     let scales = image(&meta.scales.files, 0, "scales")?;
@@ -178,7 +181,7 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
     Ok(SceneFile { trained_with, ..Scene { base: out, origin, ..Default::default() }.into() })
 }
 
-/// What bytes stand for, by channel.
+/// Values of bytes, by channel.
 struct Tables {
     scales: [Vec<f32>; 3],
     colours: [Vec<f32>; 3],
@@ -193,7 +196,7 @@ impl Tables {
     }
 }
 
-/// What three bytes stand for in tables of their channels.
+/// Looks up three bytes in the tables of their channels.
 fn entries(bytes: [u8; 3], tables: [&[f32]; 3], what: &str) -> Result<[f32; 3], String> {
     let mut out = [0.0; 3];
     for ((slot, byte), codebook) in out.iter_mut().zip(bytes).zip(tables) {

@@ -1,8 +1,9 @@
-//! `.splat`: records of 32 bytes, without a header.
+//! Reads and writes `.splat`: records of 32 bytes, without a header.
 //!
-//! Source: antimatter15/splat, `convert.py` and `main.js` of its viewer. Position and scale (standard deviations, not their
-//! logarithms) as three float32 each, then R, G, B and opacity as bytes, then the rotation w, x, y, z as bytes b for (b − 128)/128. The
-//! frame is that of the PLY file. Of the harmonics only the constant one is kept.
+//! Source: antimatter15/splat, `convert.py` and `main.js` of its viewer. A record has position and scale
+//! (standard deviations, not their logarithms) as three float32 each, then R, G, B and opacity as bytes, then
+//! the rotation w, x, y, z as bytes b for (b − 128)/128. The frame is that of the PLY file. Only the constant
+//! harmonic is kept.
 
 use std::path::Path;
 
@@ -12,10 +13,10 @@ use crate::data::SceneFile;
 use crate::scene::Scene;
 use crate::{Error, Result};
 
-/// Bytes of a Gaussian.
+/// Bytes per Gaussian.
 const RECORD: usize = 32;
 
-/// `path` is only named in errors.
+/// Reads a scene. `path` is only used in errors.
 pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
     if bytes.is_empty() || !bytes.len().is_multiple_of(RECORD) {
         let (whole, left) = (bytes.len() / RECORD, bytes.len() % RECORD);
@@ -34,7 +35,7 @@ pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Res
     Ok(Scene { base: out, ..Default::default() }.into())
 }
 
-/// Colours outside of 0 to 1 are cut off, harmonics above the constant one left out.
+/// Writes a scene. Colours are clamped to 0 to 1; harmonics above the constant one are left out.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let gaussians = &file.scene.base;
     let mut out = Vec::with_capacity(RECORD * gaussians.len());
@@ -50,7 +51,8 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
     Ok(Vec::new())
 }
 
-/// −1 is the byte 0, but 1 would be 256. A rotation has two quaternions, and the one whose largest component is negative fits.
+/// −1 is the byte 0, but 1 would be 256. Both quaternions of a rotation are valid; the one with a negative
+/// largest component fits.
 fn rotation(quat: [f32; 4]) -> [u8; 4] {
     let unit = quantise::unit(quat);
     let largest = unit.into_iter().fold(0.0f64, |most, v| if v.abs() > most.abs() { v } else { most });
@@ -61,7 +63,7 @@ fn rotation(quat: [f32; 4]) -> [u8; 4] {
 mod tests {
     use super::*;
 
-    /// Of the two signs of a rotation the one whose largest part is negative: −1 is a byte, 1 is not.
+    /// Uses the sign that makes the largest component negative: −1 fits a byte, 1 does not.
     #[test]
     fn a_rotation_is_as_exact_as_its_bytes_allow() {
         assert_eq!(rotation([1.0, 0.0, 0.0, 0.0]), [0, 128, 128, 128]);

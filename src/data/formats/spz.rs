@@ -1,15 +1,17 @@
-//! SPZ of Niantic: attributes one after the other, as bytes, compressed.
+//! Reads and writes Niantic's SPZ: attributes one after the other, as bytes, compressed.
 //!
-//! Source: nianticlabs/spz, README.md, extensions/README.md and load-spz.cc. Versions 1 to 3 are one gzip stream: a header of 16 bytes,
-//! the attributes, records of extensions. Version 4 has a header of 32 bytes, records of extensions, a table of the streams' sizes and a
-//! zstd stream for each attribute. Per Gaussian, little-endian:
+//! Source: nianticlabs/spz, README.md, extensions/README.md and load-spz.cc. Versions 1 to 3 are one gzip
+//! stream: a header of 16 bytes, the attributes, records of extensions. Version 4 has a header of 32 bytes,
+//! records of extensions, a table of the streams' sizes, and a zstd stream for each attribute. Per Gaussian,
+//! little-endian:
 //!
 //! - position, 9 bytes: three signed 24-bit numbers over 2^(bits of the header); in version 1 three float16
 //! - opacity, 1 byte: 255 σ(logit)
 //! - colour, 3 bytes: 255 (0.15 coefficient + 0.5), so wider than 0 to 1
 //! - scale, 3 bytes: 16 (logarithm + 10)
-//! - rotation, up to version 2, 3 bytes: x, y, z as 127.5 (q + 1), w ≥ 0 follows from them; since version 3, 4 bytes: which of x, y, z, w
-//!   is the largest (2 bits), and of each other a sign and 511 √2 |q|, the last in the low bits
+//! - rotation, up to version 2, 3 bytes: x, y, z as 127.5 (q + 1), with w ≥ 0 implied; since version 3, 4
+//!   bytes: the index of the largest of x, y, z, w (2 bits), and for each other a sign and 511 √2 |q|, the
+//!   last in the low bits
 //! - harmonics above the constant one, 3 bytes a coefficient (RGB): 128 coefficient + 128
 //!
 //! The frame is x right, y up, z back, unless an extension says otherwise.
@@ -24,28 +26,28 @@ use crate::scene::{Gaussians, Scene};
 use crate::{Error, Result};
 
 const MAGIC: [u8; 4] = *b"NGSP";
-/// The newest.
+/// The newest version.
 const VERSION: u8 = 4;
-/// Header of versions up to 3, and of 4.
+/// Header sizes of versions up to 3, and of 4.
 const LEGACY_HEADER: usize = 16;
 const HEADER: usize = 32;
-/// Of the table of streams: two 64-bit numbers.
+/// Bytes per row of the table of streams: two 64-bit numbers.
 const TABLE_ROW: usize = 16;
 const ANTIALIASED: u8 = 1;
 const HAS_EXTENSIONS: u8 = 2;
-/// Adobe's extension that names the frame: 1 to 8, less 1 the bits x right, y up, z front.
+/// Adobe's extension for the frame, 1 to 8; minus 1, its bits are x right, y up, z front.
 const FRAME_EXTENSION: u32 = 0xADBE_0003;
-/// What the colour's coefficient is multiplied by, so that colours beyond 0 to 1 have room.
+/// Factor of the colour's coefficient, which leaves room for colours beyond 0 to 1.
 const COLOUR: f64 = 0.15;
-/// Range of a position's number.
+/// Range of a fixed-point position.
 const FIXED: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
-/// No more bits than these after the point, however small the scene is: an application shifts a 32-bit 1 by them.
+/// Maximum number of fraction bits, even for tiny scenes: an application shifts a 32-bit 1 by it.
 const MOST_FRACTION_BITS: u8 = 24;
-/// Bits after the point that the format's own writer keeps; no floater takes one of them.
+/// Fraction bits of the format's own writer; floaters must not reduce them.
 const OWN_FRACTION_BITS: u8 = 12;
-/// A grid is told of whose step is more than this part of a Gaussian's median size.
+/// A note reports a grid step above this fraction of a Gaussian's median size.
 const COARSE: f64 = 0.1;
-/// What zstd is told: the usual level of an archive that is written once and read often.
+/// Level of zstd, usual for archives that are written once and read often.
 const LEVEL: i32 = 12;
 
 /// Attributes in the order of the file.
@@ -61,7 +63,7 @@ struct Header {
 }
 
 impl Header {
-    /// What both headers begin with; `bytes` has 16.
+    /// Parses the common start of both headers; `bytes` has 16.
     fn parse(bytes: &[u8]) -> Result<Header, String> {
         if bytes[..4] != MAGIC {
             return Err("is not an SPZ scene: it does not begin with `NGSP`".into());
@@ -87,13 +89,13 @@ impl Header {
         self.flags & flag != 0
     }
 
-    /// Bytes of each attribute of a Gaussian.
+    /// Bytes per Gaussian of each attribute.
     fn widths(&self) -> [u64; 6] {
         let harmonics = 3 * ((u64::from(self.sh_degree) + 1).pow(2) - 1);
         [if self.version == 1 { 6 } else { 9 }, 1, 3, 3, if self.version < 3 { 3 } else { 4 }, harmonics]
     }
 
-    /// Bytes of each attribute of all, if a file of `have` bytes can hold as many.
+    /// Total bytes of each attribute, if a file of `have` bytes can hold these.
     fn sizes(&self, have: usize) -> Result<[usize; 6], String> {
         let sizes = self.widths().map(|width| width * u64::from(self.count));
         inflate::check_promise(have, sizes.iter().sum(), &format!("{} Gaussians", self.count))?;
@@ -101,15 +103,15 @@ impl Header {
     }
 }
 
-/// `path` is only named in errors.
+/// Reads a scene. `path` is only used in errors.
 pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
     let (base, antialiased) = read(bytes).map_err(|what| Error::input(path, what))?;
-    // Programs that know nothing of it leave the flag unset.
+    // Programs that do not know this flag leave it unset.
     let trained_with = TrainedWith { antialiased: antialiased.then_some(true), ..Default::default() };
     Ok(SceneFile { trained_with, ..Scene { base, ..Default::default() }.into() })
 }
 
-/// The Gaussians, and whether they were trained with antialiasing.
+/// Returns the Gaussians, and whether they were trained with antialiasing.
 pub(super) fn read(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
     if bytes.starts_with(&MAGIC) { parse_streams(bytes) } else { parse_legacy(bytes) }
 }
@@ -190,7 +192,7 @@ fn parse_streams(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
     Ok((decode(header, attributes.each_ref().map(Vec::as_slice), frame), header.has(ANTIALIASED)))
 }
 
-/// What the axes are to be multiplied by, as the extensions say.
+/// Signs of the axes according to the extensions.
 fn frame(mut records: &[u8]) -> Result<Signs, String> {
     let mut found = Y_UP_Z_BACK;
     while let Some((head, rest)) = records.split_first_chunk::<8>() {
@@ -215,7 +217,7 @@ fn frame(mut records: &[u8]) -> Result<Signs, String> {
     Ok(found)
 }
 
-/// Attributes have the header's sizes.
+/// Decodes attributes, whose sizes match the header.
 fn decode(
     header: Header,
     [positions, opacities, colours, scales, rotations, harmonics]: [&[u8]; 6],
@@ -226,7 +228,7 @@ fn decode(
     out.means.extend(positions.chunks_exact(header.widths()[0] as usize).map(|bytes| match bytes {
         &[a, b, c, d, e, f] => [[a, b], [c, d], [e, f]].map(|half| half::f16::from_le_bytes(half).to_f32()),
         bytes => [0, 3, 6].map(|at| {
-            // The sign is in the top of three bytes; one below makes it a 32-bit number's.
+            // The sign is in the highest of three bytes; shifting by a byte makes it that of a 32-bit number.
             let fixed = i32::from_le_bytes([0, bytes[at], bytes[at + 1], bytes[at + 2]]) >> 8;
             (f64::from(fixed) * step) as f32
         }),
@@ -251,7 +253,7 @@ fn decode(
     out
 }
 
-/// Greatest magnitude of a component that is not the largest.
+/// Maximum magnitude of a component other than the largest.
 const MAGNITUDE: f64 = 511.0 * std::f64::consts::SQRT_2;
 
 fn rotation(packed: u32) -> [f32; 4] {
@@ -272,18 +274,19 @@ fn pack_rotation([w, x, y, z]: [f32; 4]) -> u32 {
     })
 }
 
-/// x, y and z of versions 1 and 2, with the sign that makes w positive.
+/// x, y and z for versions 1 and 2, with the sign that makes w positive.
 fn rotation_bytes(quat: [f32; 4]) -> [u8; 3] {
     let [w, x, y, z] = quantise::unit(quat);
     let sign = if w < 0.0 { -1.0 } else { 1.0 };
     [x, y, z].map(|v| quantise::byte(127.5 * (sign * v + 1.0)))
 }
 
-/// Writes one of the versions 1 to 4. Version 3 holds what 4 does; 2 has coarser rotations, and 1 positions of 16 bits besides. Floaters
-/// beyond what leaves the others 12 bits after the point are moved in.
+/// Writes one of the versions 1 to 4. Version 3 has the same precision as 4; 2 has coarser rotations, and 1
+/// also has positions of 16 bits. Floaters that would leave the others less than 12 fraction bits are moved
+/// in.
 ///
 /// # Errors
-/// [`Error::Usage`] where there is no such version or a position is beyond what it holds.
+/// [`Error::Usage`] if there is no such version, or a position exceeds its range.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, version: Option<u8>) -> Result<Vec<String>> {
     let (gaussians, version) = (&file.scene.base, version.unwrap_or(VERSION));
     let refuse = |what: String| Error::Usage(format!("{}: {what}", name(path)));
@@ -333,14 +336,14 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, version: Option<u8>)
     Ok(notes)
 }
 
-/// Where positions can lie.
+/// Quantisation of positions.
 struct Grid {
-    /// As many bits after the point as leave room for the farthest position, floaters aside; version 1, whose positions are float16, does
-    /// not look at them.
+    /// The most fraction bits that leave room for the farthest position, floaters aside. Unused by version 1,
+    /// whose positions are float16.
     fraction_bits: u8,
-    /// Where floaters are moved to; none where all have room.
+    /// Limit that floaters are moved to; `None` if all positions fit.
     limit: Option<f64>,
-    /// Scene units; of float16 that of the farthest.
+    /// Grid step in scene units; for float16 that of the farthest position.
     step: f64,
 }
 
@@ -355,7 +358,7 @@ impl Grid {
         if version == 1 {
             let end = f64::from(half::f16::MAX);
             let limit = (farthest > end).then_some(end);
-            // 11 bits of the number's own size, down to the least float16.
+            // 11 bits of the number's own size, down to the smallest float16.
             let step = most.max(half::f16::MIN_POSITIVE.into()).log2().floor().exp2() / 1024.0;
             return if most > end { beyond(end) } else { Ok(Grid { fraction_bits: 0, limit, step }) };
         }

@@ -1,4 +1,4 @@
-//! What is refused before anything of a frame is recorded.
+//! Validates a frame before anything is recorded.
 
 use ash::vk;
 use glam::DMat3;
@@ -13,23 +13,24 @@ use crate::{
     scene::Camera,
 };
 
-/// Of images with depths: 32-bit floats, as copies take texels as they are. Depths of 16 or 24 bits go through a buffer of the caller's.
+/// Formats of depth images: 32-bit floats, since copies do not convert texels. For depths of 16 or 24 bits,
+/// use a buffer.
 pub const DEPTH_FORMATS: [vk::Format; 3] =
     [vk::Format::D32_SFLOAT, vk::Format::D32_SFLOAT_S8_UINT, vk::Format::R32_SFLOAT];
 
-/// Of images with numbers of Gaussians.
+/// Formats of images that receive Gaussian numbers.
 pub const ID_FORMATS: [vk::Format; 1] = [vk::Format::R32_UINT];
 
-/// Layouts of images that are copied to and from, and of those that are both.
+/// Layouts of images that glint writes, reads, or both.
 const WRITTEN: [vk::ImageLayout; 3] = [BOTH[0], vk::ImageLayout::TRANSFER_DST_OPTIMAL, BOTH[1]];
 const READ: [vk::ImageLayout; 3] = [BOTH[0], vk::ImageLayout::TRANSFER_SRC_OPTIMAL, BOTH[1]];
 const BOTH: [vk::ImageLayout; 2] = [vk::ImageLayout::GENERAL, vk::ImageLayout::SHARED_PRESENT_KHR];
 
-/// How far RᵀR of a camera may be from the identity: what float32 leaves of matrices that were multiplied a few hundred times. At a focal
-/// length of 1000 it moves a pixel's place by less than half a pixel.
+/// Tolerance of RᵀR of a camera against the identity: float32's error after a few hundred matrix products. At
+/// a focal length of 1000 it moves a pixel by less than half a pixel.
 const SKEW: f64 = 1e-3;
 
-/// Whether there is such a place in an image, whose layout is one of `layouts`, or in a buffer.
+/// Checks that the image region, in one of `layouts`, or the buffer range is valid.
 fn check_place(what: &str, pixels: &Pixels, layouts: &[vk::ImageLayout]) -> Result<()> {
     let wrong = match pixels {
         Pixels::Image(ImageRegion { image, .. }) if *image == vk::Image::null() => "an image that is null".into(),
@@ -48,7 +49,7 @@ fn check_place(what: &str, pixels: &Pixels, layouts: &[vk::ImageLayout]) -> Resu
     Err(Error::Usage(format!("{what}: {wrong}")))
 }
 
-/// Whether a frame has no more of something than frames were made for.
+/// Checks a count of a frame against its limit.
 fn within(what: &str, has: u64, most: u64) -> Result<()> {
     match has <= most {
         true => Ok(()),
@@ -81,7 +82,7 @@ impl Frames {
             return Err(Error::Usage(format!("harmonics of degree {degree} of a model of {}", model.sh_degree)));
         }
         let finite = t.rotation.is_finite() && t.translation.is_finite() && t.scale.is_finite();
-        // Numbers of float32 are within 1e-6 of a unit quaternion's.
+        // float32 keeps a unit quaternion's length within 1e-6.
         if !(finite && t.scale > 0.0 && (t.rotation.length() - 1.0).abs() < 1e-5) {
             return Err(Error::Usage(format!(
                 "a transform of {t:?}, expected finite numbers, a scale above 0 and a rotation of unit length"

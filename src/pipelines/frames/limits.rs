@@ -1,4 +1,4 @@
-//! What frames are made for, and what that holds.
+//! Limits of frames, and the memory that they take.
 
 use super::{
     super::{
@@ -20,68 +20,69 @@ use crate::{
     },
 };
 
-/// Room for intersections of Gaussians and tiles.
+/// Room for intersections of Gaussians with tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Room {
-    /// Four for each Gaussian and three for each pixel, as far as the device binds lists of so many: enough for most views of most
-    /// scenes.
+    /// Four per Gaussian and three per pixel, up to the device's limit for one list. Enough for most views of
+    /// most scenes.
     Usual,
-    /// So many.
+    /// This number.
     Intersections(u32),
-    /// As many as take so many bytes, as far as the device binds their lists.
+    /// The number that fits into this number of bytes, up to the device's limit for one list.
     Bytes(u64),
 }
 
-/// Bytes of an intersection in the four lists that are sorted.
+/// Bytes of an intersection in the four sorted lists.
 const INTERSECTION_BYTES: u64 = 4 * LIST_BYTES;
 
-/// Buffers of models that memory is taken for in advance.
+/// Maximum number of model buffers that space is reserved for.
 const MOST_BUFFERS: u64 = 1 << 16;
-/// Slots at most: more than any renderer has frames in flight.
+/// Maximum number of slots, more than any renderer has frames in flight.
 const SLOTS: u32 = 64;
 
-/// What frames are made for.
+/// Limits of frames: sizes, scene, room and outputs.
 #[derive(Debug, Clone)]
 pub struct Limits {
     /// Pixels of the largest view.
     pub width: u32,
     /// Pixels of the largest view.
     pub height: u32,
-    /// Gaussians of all instances of a frame together: the sum of their models' [`Model::capacity`].
+    /// Gaussians of all instances of a frame: the sum of their models' [`Model::capacity`].
     pub gaussians: u32,
-    /// Instances of a frame.
+    /// Maximum instances of a frame.
     pub instances: u32,
-    /// Views of a frame: eyes, faces of a cube.
+    /// Maximum views of a frame, such as eyes or faces of a cube.
     pub views: u32,
-    /// Slots, at most 64.
+    /// Number of slots, up to 64.
     pub in_flight: u32,
-    /// Beyond them a view shows what is near only.
+    /// Beyond this number, a view misses its farthest Gaussians.
     pub intersections: Room,
-    /// The widest texels of any target.
+    /// The widest texel of any target.
     pub texel: Texel,
-    /// Bands of harmonics that bases are rendered with, a pipeline for each number; 0 to 3, or [`BETAS`](crate::scene::color::BETAS).
+    /// Bands of harmonics of rendered bases, one pipeline per entry; 0 to 3, or
+    /// [`BETAS`](crate::scene::layout::BETAS).
     pub degrees: Vec<u32>,
-    /// The same of supplements; empty where no model has one.
+    /// Bands of harmonics of rendered supplements; empty if no model has one.
     pub lobe_degrees: Vec<u32>,
-    /// Models are of half width, see [`model::Room::half`](super::super::model::Room::half).
+    /// Models have half width, see [`model::Room::half`](super::super::model::Room::half).
     pub half: bool,
-    /// Views have depths that hide Gaussians.
+    /// Views have depths that occlude Gaussians.
     pub depth_in: bool,
-    /// Depths and numbers of Gaussians will be asked for.
+    /// Views may have depths or Gaussian numbers as outputs.
     pub depth_out: bool,
-    /// Every stage has timestamps, see [`Frames::times`](super::Frames::times).
+    /// Timestamps for every stage, see [`Frames::times`](super::Frames::times).
     pub timings: bool,
-    /// Which variants of the stages run; sums of gradients are none of a frame's affair.
+    /// Variants of the stages; a frame ignores the reduction, as it has no gradients.
     pub policy: Policy,
 }
 
 impl Limits {
-    /// One view, one instance and two slots, for all of `model`.
+    /// Limits for one view and one instance of `model`, with two slots.
     pub fn of(model: &Model, width: u32, height: u32) -> Self {
         Limits::for_needs(Needs::of(model), width, height)
     }
 
-    /// The same, before there is a model.
+    /// Limits for one view and one instance, from the needs of a model that may not exist yet.
     pub fn for_needs(needs: Needs, width: u32, height: u32) -> Self {
         let Needs { gaussians, degrees, lobe_degrees, half } = needs;
         Limits {
@@ -103,11 +104,12 @@ impl Limits {
         }
     }
 
-    /// Buffers of all instances together that a frame is recorded with, where their pages are as large as the device lets them be.
+    /// Buffers of all instances of a frame together, if their pages are as large as the device allows.
     pub(super) fn model_buffers(&self, device: &DeviceInfo) -> usize {
         let all = self.degrees.iter().chain(&self.lobe_degrees).copied();
         let page = Extra::default().page_limit(device, all.max().unwrap_or(0));
-        // Each segment of each model begins a page, of geometry, colours and lobes; then the population and its dispatches.
+        // Each segment of each model starts a new page of geometry, colours and lobes; add the population and
+        // its dispatches.
         let pages = u64::from(self.gaussians / page) + 2 * u64::from(self.instances);
         (3 * pages + 2 * u64::from(self.instances)).min(MOST_BUFFERS) as usize
     }
@@ -144,16 +146,16 @@ impl Limits {
         }
     }
 
-    /// What frames of these limits hold on a device, beside the models.
+    /// Buffers of frames with these limits on a device, not counting the models.
     ///
     /// # Errors
-    /// [`Error::Usage`] where there can be no such frames.
+    /// [`Error::Usage`] if the limits are invalid.
     pub fn plan(&self, device: &DeviceInfo) -> Result<Plan> {
         self.check()?;
         Ok(Raster::plan(&self.raster(device)).and(FrameBuffers::plan(self)))
     }
 
-    /// Whether there can be such frames: kernels count pixels, words and views in 32 bits.
+    /// Validates the limits: kernels count pixels, words and views in 32 bits.
     pub(super) fn check(&self) -> Result<()> {
         let positive = [
             ("width", self.width),
@@ -181,7 +183,7 @@ impl Limits {
 }
 
 buffers! {
-    /// What is beside the raster.
+    /// Buffers other than the raster's.
     pub(super) struct FrameBuffers(l: Limits) {
         pub(super) views: View = u64::from(l.views) * u64::from(l.instances.max(1)),
         pub(super) frames: types::Frame = l.views,

@@ -1,4 +1,4 @@
-//! What a frame shows, and where it goes.
+//! The input and output of a frame: views, targets, depth conventions and instances.
 
 use ash::vk;
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
@@ -17,7 +17,7 @@ use crate::{
     },
 };
 
-/// A texel of a target. Images with a format of the `_SRGB` kind hold encoded values: they are [`Light::Encoded`].
+/// Format of a target's texel. Images of an `_SRGB` format hold encoded values: use [`Light::Encoded`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Texel {
     /// 4 bytes, R first.
@@ -31,7 +31,7 @@ pub enum Texel {
 }
 
 impl Texel {
-    /// That of an image's format.
+    /// The texel of an image format; `None` if it is not supported.
     pub fn of(format: vk::Format) -> Option<Self> {
         Some(match format {
             vk::Format::R8G8B8A8_UNORM | vk::Format::R8G8B8A8_SRGB => Texel::Rgba8,
@@ -42,7 +42,7 @@ impl Texel {
         })
     }
 
-    /// Words of 4 bytes.
+    /// Size in words of 4 bytes.
     pub fn words(self) -> u32 {
         match self {
             Texel::Rgba8 | Texel::Bgra8 => 1,
@@ -52,59 +52,59 @@ impl Texel {
     }
 }
 
-/// What a target's numbers are.
+/// Encoding of a target's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Light {
-    /// sRGB-encoded, as photographs are: what Gaussians are trained and blended in.
+    /// sRGB-encoded, like photographs. Gaussians are trained and blended in this encoding.
     Encoded,
-    /// Linear, as a renderer's light is before its tone mapping.
+    /// Linear light, as in a renderer before tone mapping.
     Linear,
 }
 
-/// What becomes of that which Gaussians do not cover.
+/// Handling of the background.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Blend {
-    /// This colour, sRGB-encoded, 0 or more in each channel; alpha is 1.
+    /// Blends over this colour, sRGB-encoded, 0 or more in each channel; alpha is 1.
     Opaque([f32; 3]),
-    /// Nothing: colours are weighed by alpha.
+    /// No background: colours are premultiplied by alpha.
     Premultiplied,
-    /// What the target holds, blended in encoded values whatever the target's are.
+    /// Blends over the target's content, in encoded values for either encoding of the target.
     Over,
 }
 
-/// The colours of a view.
+/// Colour output of a view.
 #[derive(Debug, Clone, Copy)]
 pub struct Target {
-    /// Where they go.
+    /// The image or buffer to write.
     pub pixels: Pixels,
-    /// Of the image, or of the buffer.
+    /// Texel format of the image or buffer.
     pub texel: Texel,
-    /// What its numbers are.
+    /// Encoding of its values.
     pub light: Light,
-    /// What becomes of that which lies behind.
+    /// Handling of the background.
     pub blend: Blend,
-    /// Factor of the Gaussians' linear light; 1 leaves them as they are. What lies behind them is not exposed, a background neither.
+    /// Factor on the Gaussians' linear light; 1 leaves it unchanged. Not applied to the background.
     pub exposure: f32,
 }
 
 impl Target {
-    /// Opaque over black, as the scene was trained.
+    /// Opaque over black, as scenes are trained.
     pub fn new(pixels: Pixels, texel: Texel) -> Self {
         Target { pixels, texel, light: Light::Encoded, blend: Blend::Opaque([0.0; 3]), exposure: 1.0 }
     }
 }
 
-/// How camera z and a depth buffer's numbers belong together: depth = a + b / z. All perspective projections are of this form,
+/// Maps camera z to depth-buffer values: depth = a + b / z. Every perspective projection has this form,
 /// reversed or not, with a far plane or without.
 ///
-/// Of the planes only depths know. What lies beyond the far plane is drawn, and its depth, like that of no Gaussian, is the far plane's:
-/// exactly 1, of reversed projections 0. Such a depth, which a cleared buffer holds, hides nothing. A point of a Gaussian before the near
-/// plane has that plane's depth.
+/// The planes limit depth values only. A Gaussian beyond the far plane is drawn with the far plane's depth:
+/// exactly 1, or 0 if reversed. Pixels without a Gaussian have that depth too, and as an input it hides
+/// nothing, as in a cleared buffer. A Gaussian in front of the near plane gets the near plane's depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthForm {
     /// The depth at infinity.
     pub a: f64,
-    /// Scene units. Below 0 depths rise with the distance, above 0 they fall; never 0.
+    /// Scene units, never 0. Below 0, depths rise with the distance; above 0, they fall.
     pub b: f64,
 }
 
@@ -119,13 +119,13 @@ impl DepthForm {
         DepthForm { a: far / (far - near), b: -far * near / (far - near) }
     }
 
-    /// Camera z of the near plane: where the depth is 0, of reversed projections 1. Of numbers that are no projection's it may be
-    /// anything.
+    /// Camera z of the near plane: the point of depth 0, or 1 if reversed. Arbitrary if the form is not a
+    /// projection's.
     pub fn near(self) -> f64 {
         if self.b < 0.0 { -self.b / self.a } else { self.b / (1.0 - self.a) }
     }
 
-    /// The depth of what is beyond the far plane, which a depth buffer is cleared to: 1, of reversed projections 0.
+    /// The depth beyond the far plane, used to clear a depth buffer: 1, or 0 if reversed.
     pub fn empty(self) -> f32 {
         if self.b < 0.0 { 1.0 } else { 0.0 }
     }
@@ -138,29 +138,31 @@ impl DepthForm {
 /// One view of a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameView {
-    /// In the world in which instances stand. Its size is that of the targets; its rotation may mirror, for what a mirror shows.
+    /// Camera in world coordinates. Its size is that of the targets; its rotation may mirror, to render a
+    /// reflection.
     pub camera: Camera,
-    /// Camera z, scene units of the world; Gaussians whose centre is not beyond are left out. [`FrameView::new`] has 3DGS's 0.2,
-    /// [`FrameView::from_matrices`] the projection's own. The nearer it is, the larger a Gaussian before the eye becomes: a scene that was
-    /// trained with 0.2 may hold some that were never seen from so near.
+    /// Camera z in world scene units; Gaussians with a centre in front of it are left out. [`FrameView::new`]
+    /// has 3DGS's 0.2, [`FrameView::from_matrices`] the projection's near plane. The smaller it is, the
+    /// larger a Gaussian near the eye gets: a scene trained with 0.2 may hold some that no photograph saw
+    /// from so near.
     pub near: f64,
-    /// Of `depth_in` and `depth_out`.
+    /// The mapping of `depth_in` and `depth_out`.
     pub depth_form: DepthForm,
-    /// Where colours go, if they are wanted.
+    /// Colour output, if wanted.
     pub color: Option<Target>,
-    /// Float32 depths of what is there already: what lies behind is hidden, but [`DepthForm::empty`] hides nothing. An image is of
-    /// [`DEPTH_FORMATS`](super::DEPTH_FORMATS).
+    /// Float32 depths of the caller's meshes, to hide Gaussians behind them; [`DepthForm::empty`] hides
+    /// nothing. Image formats: [`DEPTH_FORMATS`](super::DEPTH_FORMATS).
     pub depth_in: Option<Pixels>,
-    /// Float32 depths of the Gaussians, 0 to 1: of each pixel where transmittance falls below one half, else [`DepthForm::empty`]. An
-    /// image is of [`DEPTH_FORMATS`](super::DEPTH_FORMATS).
+    /// Output of the Gaussians' float32 depths, 0 to 1: the point of a pixel with transmittance one half, or
+    /// [`DepthForm::empty`] if there is none. Image formats: [`DEPTH_FORMATS`](super::DEPTH_FORMATS).
     pub depth_out: Option<Pixels>,
-    /// Numbers of the same Gaussians (u32), counted through the capacities of all instances; `u32::MAX` where there is none. An image is
-    /// of [`ID_FORMATS`](super::ID_FORMATS).
+    /// Output of the same Gaussians' numbers (u32), counted through the capacities of all instances;
+    /// `u32::MAX` if there is none. Image formats: [`ID_FORMATS`](super::ID_FORMATS).
     pub ids: Option<Pixels>,
 }
 
 impl FrameView {
-    /// Without targets yet, and 3DGS's near plane.
+    /// A view without targets, with 3DGS's near plane.
     pub fn new(camera: Camera) -> Self {
         FrameView {
             camera,
@@ -173,17 +175,18 @@ impl FrameView {
         }
     }
 
-    /// From a renderer's matrices: world to view, and view to Vulkan's clip space (y down, depth 0 to 1) of a viewport of
-    /// `width` × `height` pixels. Depths and the near plane are those that the projection makes.
+    /// Builds a view from a renderer's matrices: world to view, and view to Vulkan's clip space (y down,
+    /// depth 0 to 1) of a viewport of `width` × `height` pixels. Depth form and near plane follow from the
+    /// projection.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the projection is no perspective one, is skewed or has no near plane ahead, or the view is more than
-    /// rotation and translation.
+    /// [`Error::Usage`] if the projection is not perspective, is skewed or has no near plane ahead, or if the
+    /// view matrix is not rigid.
     pub fn from_matrices(view: DMat4, projection: DMat4, width: u32, height: u32) -> Result<Self> {
         let p = projection;
         let bad = |what: &str| Err(Error::Usage(format!("{what}: {:?}", p.to_cols_array())));
         let forward = p.z_axis.w;
-        // How far a float32 matrix may be from what it is meant to be.
+        // Tolerance for float32 rounding in the matrices.
         let off = 1e-5;
         if !(forward.abs() - 1.0).abs().lt(&off) || p.x_axis.w != 0.0 || p.y_axis.w != 0.0 || p.w_axis.w != 0.0 {
             return bad("expected a perspective projection, whose w is the distance along the view's axis");
@@ -200,7 +203,8 @@ impl FrameView {
                 view.to_cols_array()
             )));
         }
-        // Camera axes: x right, y down in the image, z forward. A view space of another handedness or with y up is mirrored here.
+        // Camera axes: x right, y down in the image, z forward. Mirror a view space of another handedness or
+        // with y up.
         let signs = DVec3::new(p.x_axis.x.signum(), p.y_axis.y.signum(), forward.signum());
         let axes = DMat3::from_diagonal(signs);
         let (w, h) = (f64::from(width), f64::from(height));
@@ -223,55 +227,56 @@ impl FrameView {
     }
 }
 
-/// Where a model stands in the world: turned, then scaled, then moved.
+/// Pose of a model in the world: rotated, then scaled, then moved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transform {
-    /// Of unit length.
+    /// Unit quaternion.
     pub rotation: DQuat,
-    /// Of all axes alike.
+    /// Uniform scale of all axes.
     pub scale: f64,
-    /// Where the model's origin goes, scene units of the world.
+    /// World position of the model's origin, scene units of the world.
     pub translation: DVec3,
 }
 
 impl Transform {
-    /// The world is the model's own.
+    /// The model's own coordinates are the world's.
     pub const IDENTITY: Self = Transform { rotation: DQuat::IDENTITY, scale: 1.0, translation: DVec3::ZERO };
 }
 
 /// A model in a frame.
 #[derive(Clone, Copy)]
 pub struct Instance<'a> {
-    /// Any number of instances may be of one model.
+    /// Several instances may share a model.
     pub model: &'a Model,
-    /// Where it stands.
+    /// Pose in the world.
     pub transform: Transform,
-    /// The last segment that is shown.
+    /// The last segment to show.
     pub upto: Segment,
-    /// Bands of harmonics, at most the model's; of spherical betas all are shown from 1 on.
+    /// Bands of harmonics to show, at most the model's; for spherical betas, any value from 1 on shows all.
     pub degree: u32,
 }
 
 impl<'a> Instance<'a> {
-    /// All of it, where it is.
+    /// The whole model, in its own coordinates.
     pub fn of(model: &'a Model) -> Self {
         Instance { model, transform: Transform::IDENTITY, upto: Segment::Supplement, degree: model.sh_degree }
     }
 }
 
-/// What is recorded at once.
+/// The content of one recording.
 #[derive(Clone, Copy)]
 pub struct Frame<'a> {
-    /// Which of the frames in flight it takes the place of; what was recorded in it before has run.
+    /// Slot of the frame in flight that this one replaces; its commands must have run.
     pub slot: u32,
-    /// In one common order by depth.
+    /// Blended in one common order by depth.
     pub instances: &'a [Instance<'a>],
-    /// One after the other.
+    /// Rendered one after the other.
     pub views: &'a [FrameView],
 }
 
-/// What a camera of the world sees of a model that stands in it: camera axes of the world, in its units, from where the camera is
-/// among the model's own Gaussians. So covariances, depths, harmonics and lobes all come out turned and scaled.
+/// Converts a world camera to a model's own coordinates: axes and units stay those of the world, the position
+/// is relative to the model's Gaussians. Covariances, depths, harmonics and lobes then come out rotated and
+/// scaled.
 pub(super) fn instance_view(camera: &Camera, transform: &Transform, origin: DVec3, near: f64) -> View {
     let Transform { rotation, scale, translation } = *transform;
     let turned = camera.rotation * DMat3::from_quat(rotation);

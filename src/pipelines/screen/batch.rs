@@ -1,4 +1,4 @@
-//! Views in batches that the device holds at once.
+//! Splits views into batches that fit the device.
 
 use std::ops::Range;
 
@@ -11,10 +11,12 @@ use crate::{
     },
 };
 
-/// Pixels of a batch. A pixel needs 88 bytes of working memory, so this is 1.5 GB; 26 views of 800 × 800.
+/// Maximum pixels of a batch. A pixel needs 88 bytes of working memory, so this is 1.5 GB; 26 views of 800 ×
+/// 800.
 const BATCH_PIXELS: u64 = 1 << 24;
 
-/// Splits views into batches that the device holds at once: consecutive ones with photographs in one page, at least one each.
+/// Splits views into batches that fit the device: consecutive views with photographs in one page, at least
+/// one each.
 pub fn batches(context: &Context, views: &Views) -> Vec<Range<usize>> {
     // The largest buffer of a batch has 9 floats for each pixel.
     let limit = BATCH_PIXELS.min(context.info().max_storage_bytes / 36);
@@ -22,8 +24,8 @@ pub fn batches(context: &Context, views: &Views) -> Vec<Range<usize>> {
     split(&sizes, limit, |first| views.same_page(first))
 }
 
-/// Batches of views of these sizes: of at most `limit` pixels, counted in whole tiles and each view as the batch's largest. From a
-/// view `first` on, `same_page(first)` lie in one page.
+/// Batches of views of these sizes with at most `limit` pixels each, counted in whole tiles and each view as
+/// the batch's largest. From view `first` on, `same_page(first)` views lie in one page.
 fn split(sizes: &[[u32; 2]], limit: u64, same_page: impl Fn(usize) -> usize) -> Vec<Range<usize>> {
     let mut list = Vec::new();
     let (mut first, mut largest) = (0, 0);
@@ -45,7 +47,7 @@ fn split(sizes: &[[u32; 2]], limit: u64, same_page: impl Fn(usize) -> usize) -> 
     list
 }
 
-/// The frames of a batch: images packed one after the other, targets where the photographs are.
+/// Frames of a batch: images packed one after the other, targets at their photographs.
 pub fn frames_of(views: &Views, batch: &Range<usize>) -> Vec<Frame> {
     let mut image_first = 0;
     let packed = |frame: &Frame| {
@@ -56,25 +58,25 @@ pub fn frames_of(views: &Views, batch: &Range<usize>) -> Vec<Frame> {
     views.frame_list[batch.clone()].iter().map(packed).collect()
 }
 
-/// The largest numbers of all batches.
+/// Maximum sizes over all batches.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ScreenSizes {
-    /// 2D Gaussians that there are places for.
+    /// Places for 2D Gaussians.
     pub places: u32,
     /// Views of the batch.
     pub frames: u32,
-    /// Of all its frames together.
+    /// Pixels of all frames together.
     pub pixels: u32,
-    /// Of the widest frame, px.
+    /// Width of the widest frame, px.
     pub width: u32,
-    /// Of the highest frame, px.
+    /// Height of the tallest frame, px.
     pub height: u32,
-    /// Tiles of the loss, each frame of a batch having as many as its largest.
+    /// Tiles of the loss; each frame of a batch counts as its largest.
     pub loss_tiles: u32,
 }
 
 impl ScreenSizes {
-    /// For one batch of these frames.
+    /// Sizes of one batch of these frames.
     pub fn of_frames(frames: &[Frame], places: u32) -> Self {
         ScreenSizes {
             places: places.max(1),
@@ -86,7 +88,7 @@ impl ScreenSizes {
         }
     }
 
-    /// For any of several batches.
+    /// Sizes that fit both.
     pub fn max(self, other: Self) -> Self {
         ScreenSizes {
             places: self.places.max(other.places),
@@ -105,14 +107,14 @@ mod tests {
 
     #[test]
     fn batches_are_as_large_as_the_device_holds_and_lie_in_one_page() {
-        // Of 33 × 31 pixels two tiles of 32 × 32 are touched.
+        // 33 × 31 pixels touch two tiles of 32 × 32.
         let (small, large) = ([33, 31], [64, 96]);
         let all = |_| usize::MAX;
         let of = |sizes: &[[u32; 2]], limit| split(sizes, limit, all);
         assert_eq!(of(&[small; 5], 4096), [0..2, 2..4, 4..5]);
         assert_eq!(of(&[small; 5], 4095), [0..1, 1..2, 2..3, 3..4, 4..5]);
         assert_eq!(of(&[small; 5], 1 << 24).len(), 1);
-        // Each counts as the largest of its batch, and one that is too large is a batch all the same.
+        // Each view counts as the largest of its batch; a view beyond the limit forms a batch alone.
         assert_eq!(of(&[small, small, large, small, small], 3 * 2048), [0..2, 2..3, 3..5]);
         assert_eq!(of(&[large; 2], 1), [0..1, 1..2]);
         assert!(of(&[], 1).is_empty());

@@ -1,4 +1,4 @@
-//! The 2D Gaussians of a batch of views on the device, and the recording of all that happens to them.
+//! The 2D Gaussians of a batch of views on the device, and the stages that run on them.
 
 use super::batch::ScreenSizes;
 use crate::{
@@ -21,37 +21,37 @@ use crate::{
     },
 };
 
-/// Planes of a 2D Gaussian, see `glsl/shared/screen.glsl`.
+/// Planes per 2D Gaussian, see `glsl/shared/screen.glsl`.
 pub const SCREEN_PLANES: usize = screen::SCREEN_PLANES as usize;
-/// Planes that are learned; each has two moments.
+/// Learned planes; each has two moments.
 pub const LEARNED: usize = screen::LEARNED as usize;
-/// Intersections to begin with for each place, and at least. New Gaussians have σ = 0.005 of the shorter side and touch
-/// 4 to 9 tiles of 8 × 8 pixels in images of 800 pixels.
+/// Initial room for intersections, per place and in total. New Gaussians have σ = 0.005 of the shorter side
+/// and touch 4 to 9 tiles of 8 × 8 pixels in images of 800 pixels.
 const ISECTS_PER_PLACE: u32 = 8;
 const MIN_ISECTS: u32 = 1 << 16;
-/// Threads that draw for one view; they go through its pixels five times.
+/// Threads that draw for one view; they make five passes over its pixels.
 const DRAW_WORKGROUP: u32 = 256;
 
 buffers! {
-    /// What belongs to the batch and to its 2D Gaussians, by place.
+    /// Buffers of a batch and its 2D Gaussians, by place.
     pub struct ScreenBuffers(o: ScreenSizes) {
         /// [`SCREEN_PLANES`] × places.
         pub screen_planes: f32 = SCREEN_PLANES * o.places as usize,
-        /// Position in the batch of each 2D Gaussian's view, [`NONE`] where the place is empty.
+        /// Position of each 2D Gaussian's view in the batch; [`NONE`] if the place is empty.
         pub screen_frames: u32 = o.places,
-        /// Steps since a 2D Gaussian was put in.
+        /// Steps since a 2D Gaussian was drawn.
         pub screen_ages: u32 = o.places,
-        /// Two for each plane that learns: of plane p 2p and 2p + 1.
+        /// Two moments per learned plane p: planes 2p and 2p + 1.
         pub screen_moments: f32 = 2 * LEARNED * o.places as usize,
         /// Pixels of the last draw, by place of the view's quota.
         pub drawn_pixels: u32 = o.places,
-        /// By frame: how many there are, and what becomes of them next.
+        /// By frame: number of Gaussians, and the mode of the next steps.
         pub screen_states: ScreenState = o.frames,
-        /// By frame: its view, and which places it has.
+        /// By frame: its view, and its range of places.
         pub quotas: Quota = o.frames,
-        /// Where the pixels of each frame lie.
+        /// Layout of each frame's pixels.
         pub frames: Frame = o.frames,
-        /// The batch's cameras; `pixel_first` counts within `depths`.
+        /// The batch's cameras; `pixel_first` is relative to `depths`.
         pub views: View = o.frames,
         /// Camera z by pixel of the batch, 0: none.
         pub depths: f32 = o.pixels,
@@ -60,7 +60,7 @@ buffers! {
     }
 }
 
-/// The batch that is at hand.
+/// The current batch.
 struct Current {
     places: u32,
     frames: u32,
@@ -68,18 +68,18 @@ struct Current {
     tiles_per_frame: u32,
 }
 
-/// Pipelines and buffers for batches of up to some size, and the batch at hand.
+/// Pipelines and buffers for batches up to some size, and the current batch.
 pub struct Screen {
     context: Context,
-    /// What there is room for.
+    /// Maximum sizes.
     pub sizes: ScreenSizes,
-    /// 2D Gaussians and what they render onto.
+    /// 2D Gaussians and their background.
     pub buffers: ScreenBuffers,
     /// Order and blend of all views of the batch at once.
     pub raster: Raster,
     /// The loss of all views of the batch at once.
     pub loss: Photometric,
-    /// Which tiles of the loss can have changed.
+    /// Tiles of the loss that can have changed.
     pub lists: TileLists,
     current: Current,
     project: screen_project::Stage,
@@ -149,20 +149,20 @@ impl Screen {
         }
     }
 
-    /// What batches of this size hold.
+    /// Buffers for batches of this size.
     pub fn plan(context: &Context, sizes: &ScreenSizes, policy: Policy) -> Plan {
         let raster = Raster::plan(&Self::raster_options(context, sizes, policy));
         let lists = TileLists::plan(&sizes.loss_tiles);
         raster.and(Photometric::plan(&Self::loss_options(sizes))).and(lists).and(ScreenBuffers::plan(sizes))
     }
 
-    /// Puts all views into a mode of `glsl/shared/screen.glsl`. Waits.
+    /// Sets the mode of all views, see `glsl/shared/screen.glsl`. Waits.
     pub fn set_mode(&self, mode: u32) -> Result<(), GpuError> {
         let b = &self.buffers.screen_states;
         b.upload(0, &vec![ScreenState { count: 0, mode }; b.len()])
     }
 
-    /// Takes up a batch of which all places are empty and all views draw. Waits.
+    /// Starts a batch: all places empty, all views drawing. Waits.
     pub fn begin(&mut self, frames: &[Frame], views: &[View], quotas: &[Quota]) -> Result<()> {
         let places = quotas.iter().map(|q| q.budget).sum::<u32>();
         let b = &self.buffers;
@@ -200,7 +200,7 @@ impl Screen {
         }
     }
 
-    /// The batch's images as refined so far, over `backdrop`.
+    /// Renders the batch's current images over `backdrop`.
     pub fn record_render(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
         let (b, r, places) = (&self.buffers, &self.raster.buffers, self.current.places);
         let buffers = screen_project::Buffers {
@@ -221,7 +221,7 @@ impl Screen {
         self.raster.record_blend(recorder, &self.current.grid, &b.frames, [0.0; 3], 0.0);
     }
 
-    /// The tiles of the loss that the gradients of what was rendered need.
+    /// Lists the tiles of the loss that the gradients of the render need.
     pub fn record_lists(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
         let (b, r, lists) = (&self.buffers, &self.raster.buffers, &self.lists);
         let TileLists { tile_marks, count, args, forward_tiles, backward_tiles } = lists;
@@ -243,7 +243,7 @@ impl Screen {
             let buffers = dispatch_args::Buffers { count, dispatch_args: args, status };
             let push = dispatch_args::Push {
                 count_index: list,
-                // A list holds every tile, so this never overflows.
+                // The list has room for every tile, so this never overflows.
                 capacity: u32::MAX,
                 items_per_group: 1,
                 args_index: 3 * list,
@@ -253,7 +253,7 @@ impl Screen {
         }
     }
 
-    /// Gradient records of what was rendered, from the loss against `targets`.
+    /// Gradient records of the render, from the loss against `targets`.
     pub fn record_loss(&self, recorder: &mut Recorder, targets: &Buffer<u32>, status: &Buffer<u32>) {
         self.record_lists(recorder, status);
         let batch = self.batch(targets);
@@ -263,18 +263,18 @@ impl Screen {
         self.record_blend_backward(recorder);
     }
 
-    /// Gradient records of what was rendered, from `image_grad`.
+    /// Gradient records of the render, from `image_grad`.
     pub fn record_blend_backward(&self, recorder: &mut Recorder) {
         let b = &self.buffers;
         self.raster.record_blend_backward(recorder, &self.current.grid, &b.frames, &b.population, 0);
     }
 
-    /// The step on the gradient records.
+    /// Steps on the gradient records.
     pub fn record_step(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
         self.record_backward(recorder, &self.backward, &self.buffers.screen_moments, status);
     }
 
-    /// The gradients alone: of plane p in plane 2p of `into`, which is as large as the moments.
+    /// Writes the gradients without a step: plane p goes to plane 2p of `into`, a buffer like the moments.
     pub fn record_gradients(&self, recorder: &mut Recorder, into: &Buffer<f32>, status: &Buffer<u32>) {
         self.record_backward(recorder, &self.gradients, into, status);
     }
@@ -320,14 +320,14 @@ impl Screen {
         self.prune.record(recorder, &buffers, &push, self.current.places);
     }
 
-    /// The loss of every view and every pixel of what was rendered.
+    /// Computes the render's loss, per view and per pixel.
     pub fn record_loss_map(&self, recorder: &mut Recorder, targets: &Buffer<u32>) {
         let batch = self.batch(targets);
         self.loss.record_forward(recorder, &batch, Tiles::Map, None);
         self.loss.record_sum(recorder, &batch, 0);
     }
 
-    /// New Gaussians where the loss map is high, which begin at an age.
+    /// Draws new Gaussians at pixels with a high loss; `age` is their initial age.
     pub fn record_draw(&self, recorder: &mut Recorder, round: u32, seed: u32, age: u32, status: &Buffer<u32>) {
         let b = &self.buffers;
         let buffers = screen_draw::Buffers {
@@ -348,12 +348,12 @@ impl Screen {
         self.draw.record(recorder, &buffers, &push, self.current.frames);
     }
 
-    /// Status words of its own, for what is recorded outside of loops.
+    /// Makes separate status words, for recordings outside of loops.
     pub fn status(&self) -> Result<Buffer<u32>, GpuError> {
         Buffer::zeroed(&self.context, "screen status", status::WORDS)
     }
 
-    /// Places of the batch at hand.
+    /// Number of places in the current batch.
     pub fn places(&self) -> u32 {
         self.current.places
     }

@@ -1,4 +1,4 @@
-//! The container: GLB or JSON, buffers, and accessors as numbers.
+//! Parses the glTF container: GLB or JSON, buffers, and accessors as numbers.
 //!
 //! Source: the glTF 2.0 specification of Khronos, sections 3.6 (binary data) and 4 (GLB).
 
@@ -16,7 +16,7 @@ const MAGIC: &[u8] = b"glTF";
 const JSON: &[u8; 4] = b"JSON";
 const BINARY: &[u8; 4] = b"BIN\0";
 
-/// Objects are left as text until they are asked for: most files have more of them than are read.
+/// Objects stay unparsed text until used: most files have more than are needed.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Root<'a> {
@@ -72,14 +72,14 @@ struct Buffer<'a> {
     byte_length: u64,
 }
 
-/// A document and its buffers, which are read when something in them is asked for.
+/// A document with its buffers, each loaded on first use.
 pub(super) struct Document<'a> {
     pub(super) root: Root<'a>,
-    /// Of the document itself.
+    /// Size of the document itself, bytes.
     bytes: usize,
     binary: Option<&'a [u8]>,
     buffers: Vec<OnceCell<Cow<'a, [u8]>>>,
-    /// Where files that the document names are; `None` where they are not looked for.
+    /// Folder of the files that the document names; `None` to read none.
     folder: Option<&'a Path>,
 }
 
@@ -91,13 +91,13 @@ impl<'a> Document<'a> {
         Ok(Document { root, bytes: bytes.len(), binary, buffers, folder })
     }
 
-    /// An object of one of the document's lists.
+    /// Parses an object of one of the document's lists.
     pub(super) fn object<T: Deserialize<'a>>(list: &[&'a RawValue], index: usize, what: &str) -> Result<T, String> {
         let text = list.get(index).ok_or_else(|| format!("names {what} {index}, but has {}", list.len()))?;
         serde_json::from_str(text.get()).map_err(|error| format!("{what} {index} is not understood: {error}"))
     }
 
-    /// Bytes of the document and of the files that were read for it.
+    /// Bytes of the document and of the other files read so far.
     pub(super) fn bytes(&self) -> usize {
         let files = self.buffers.iter().filter_map(OnceCell::get).map(|bytes| match bytes {
             Cow::Owned(bytes) => bytes.len(),
@@ -106,7 +106,7 @@ impl<'a> Document<'a> {
         self.bytes + files.sum::<usize>()
     }
 
-    /// The numbers of an accessor whose elements have `N` components. `what` it is of is named in errors.
+    /// Numbers of an accessor whose elements have `N` components. `what` names it in errors.
     pub(super) fn numbers<const N: usize>(&self, index: usize, what: &str) -> Result<Vec<[f32; N]>, String> {
         let accessor: Accessor = Self::object(&self.root.accessors, index, "accessor")?;
         let fail = |why: String| Err(format!("accessor {index} ({what}) {why}"));
@@ -124,7 +124,7 @@ impl<'a> Document<'a> {
         let (bytes, stride) = self.view(view)?;
         let element = (N * width) as u64;
         let stride = stride.unwrap_or(element);
-        // Also what keeps the element within the step, so that as many bytes as elements are there.
+        // This also keeps the element within the stride, so that the view has bytes for every element.
         if stride < element {
             return fail(format!("has a byteStride of {stride}, expected {element} or more"));
         }
@@ -145,7 +145,7 @@ impl<'a> Document<'a> {
         Ok(elements.map(|bytes| std::array::from_fn(|i| decode(&bytes[i * width..(i + 1) * width]))).collect())
     }
 
-    /// The bytes of a view, and the step between elements if it says one.
+    /// Bytes of a view, and its stride if given.
     pub(super) fn view(&self, index: usize) -> Result<(&[u8], Option<u64>), String> {
         let view: BufferView = Self::object(&self.root.buffer_views, index, "bufferView")?;
         if let Some(extensions) = view.extensions {
@@ -166,7 +166,7 @@ impl<'a> Document<'a> {
 
     fn buffer(&self, index: usize) -> Result<&[u8], String> {
         let buffer: Buffer = Self::object(&self.root.buffers, index, "buffer")?;
-        // In the list of the root, so in this one.
+        // The index was found in the root's list, which has the same length.
         let cell = &self.buffers[index];
         if cell.get().is_none() {
             let bytes = match (&buffer.uri, self.binary) {
@@ -183,7 +183,7 @@ impl<'a> Document<'a> {
         cell.get().map(|bytes| &bytes[..]).ok_or_else(|| format!("buffer {index} is not there"))
     }
 
-    /// What a URI names: bytes in base64, or a file beside the document.
+    /// Loads a URI: base64 data, or a file next to the document.
     fn load(&self, uri: &str) -> Result<Vec<u8>, String> {
         if let Some(data) = uri.strip_prefix("data:") {
             let (_, text) = data.split_once(";base64,").ok_or("has a data URI that is not in base64")?;
@@ -235,10 +235,10 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
     Ok((json, found.get(1).map(|chunk| chunk.1)))
 }
 
-/// A component's bytes, and the number that they are.
+/// Bytes of a component, and its conversion to a number.
 type Number = (usize, fn(&[u8]) -> f32);
 
-/// Integers are numbers as they are, or, normalised, −1 to 1 and 0 to 1 (section 3.11).
+/// Integers keep their value, or if normalised map to −1 to 1 or 0 to 1 (section 3.11).
 fn component(kind: u32, normalized: bool) -> Option<Number> {
     fn two(b: &[u8]) -> [u8; 2] {
         [b[0], b[1]]

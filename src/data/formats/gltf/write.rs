@@ -1,4 +1,4 @@
-//! GLB files.
+//! Writes GLB files.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::{Error, Result};
 const FLOAT: u32 = 5126;
 const UNSIGNED_BYTE: u32 = 5121;
 
-/// Accessors and what they are of. All begin at multiples of four.
+/// Accessors with their data, all at offsets that are multiples of four.
 #[derive(Default)]
 struct Binary {
     bytes: Vec<u8>,
@@ -26,7 +26,7 @@ struct Binary {
 }
 
 impl Binary {
-    /// An accessor's index. `more` is what else it has to say.
+    /// Adds an accessor, and returns its index. `more` has further members.
     fn add(
         &mut self,
         bytes: impl IntoIterator<Item = u8>,
@@ -63,7 +63,7 @@ impl Binary {
             let all = turned.means.iter().copied();
             all.reduce(|a, b| std::array::from_fn(|axis| pick(a[axis], b[axis]))).unwrap_or_default()
         };
-        // The format asks for the bounds of positions.
+        // The format requires the bounds of positions.
         let bounds = json!({"min": bound(f32::min), "max": bound(f32::max)});
         let positions = turned.means.as_flattened().iter().flat_map(|v| v.to_le_bytes());
         let mut out = Map::new();
@@ -85,7 +85,7 @@ impl Binary {
         out
     }
 
-    /// What programs show that know points but not splats.
+    /// Points with colours, for programs that do not know splats.
     fn fallback(&mut self, gaussians: &Gaussians) -> usize {
         let k = gaussians.sh_coefficients();
         let colour = |(rgb, &opacity): (&[[f32; 3]], &f32)| {
@@ -98,7 +98,7 @@ impl Binary {
 }
 
 /// # Errors
-/// [`Error::Usage`] where they are more than a GLB's header can say.
+/// [`Error::Usage`] if the Gaussians exceed the size field of a GLB.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let base = &file.scene.base;
     let shown = file.shown.as_ref().unwrap_or(base);
@@ -127,7 +127,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
         }
         splatting["extensions"] = json!({ LOBES: extension });
     }
-    // A node's place is in decimal numbers, positions are float32.
+    // A node's translation is in decimal numbers, positions are float32.
     let origin: [f64; 3] = std::array::from_fn(|axis| file.scene.origin[axis] * f64::from(X_LEFT_Y_UP[axis]));
     let mut node = json!({"mesh": 0});
     if origin != [0.0; 3] {

@@ -1,15 +1,16 @@
-//! Rows of numbers that stand for more of them.
+//! Groups similar rows of numbers (k-means), to build the palette of harmonics.
 
 use rayon::prelude::*;
 
-/// Parts of a split, and the rounds that they take. Each row is compared with 32 centres at a time, so that a million rows take seconds
-/// and not the hours of 65,536 at once.
+/// Parts per split, and Lloyd rounds. Each row is compared with 32 centres at a time, so that a million rows
+/// take seconds instead of the hours that 65,536 centres at once would take.
 const PARTS: usize = 32;
 const ROUNDS: usize = 6;
 
-/// At most `budget` groups of like rows: their mean and who is in each. Every row is in one.
+/// Splits rows into at most `budget` groups of similar rows; returns each group's mean and members. Every row
+/// is in one group.
 ///
-/// Lloyd's algorithm from above: groups are split until their share of the budget is used.
+/// Divisive k-means: groups are split by Lloyd's algorithm until their part of the budget is used.
 pub(super) fn groups(rows: &[f32], width: usize, budget: usize) -> Vec<(Vec<f32>, Vec<u32>)> {
     let members: Vec<u32> = (0..(rows.len() / width.max(1)) as u32).collect();
     let mut out = Vec::new();
@@ -45,12 +46,12 @@ fn split(rows: &Rows, members: Vec<u32>, budget: usize, out: &mut Vec<(Vec<f32>,
         return;
     }
     let parts = if budget > 1 { parts(rows, &members, budget.min(PARTS)) } else { Vec::new() };
-    // Equal rows are one group, whatever their budget.
+    // Equal rows form one group, whatever the budget.
     if parts.len() < 2 {
         out.push((rows.mean(&members), members));
         return;
     }
-    // One for each, the rest by their numbers.
+    // One group per part; the rest of the budget in proportion to their sizes.
     let (more, all) = (budget - parts.len(), members.len());
     let share = |until: usize| (more as u64 * until as u64 / all as u64) as usize;
     let mut until = 0;
@@ -61,7 +62,7 @@ fn split(rows: &Rows, members: Vec<u32>, budget: usize, out: &mut Vec<(Vec<f32>,
     }
 }
 
-/// `members` in at most `k` parts that are not empty.
+/// Splits `members` into at most `k` non-empty parts.
 fn parts(rows: &Rows, members: &[u32], k: usize) -> Vec<Vec<u32>> {
     let mut centres: Vec<Vec<f32>> = (0..k).map(|i| rows.row(members[i * members.len() / k]).to_vec()).collect();
     let mut parts = Vec::new();
@@ -95,7 +96,7 @@ mod tests {
 
     #[test]
     fn groups_are_no_more_than_asked_for_and_hold_every_row_once() {
-        // Forty heaps of 25 rows, far from one another.
+        // Forty clusters of 25 rows, far from one another.
         let rows: Vec<f32> = (0..1000).flat_map(|i| [(i % 40) as f32 * 10.0, (i / 40) as f32 * 0.01]).collect();
         for budget in [1, 7, 40, 400, 999, 1000, 5000] {
             let groups = groups(&rows, 2, budget);

@@ -1,31 +1,33 @@
-//! 256 numbers that stand for many.
+//! Codebooks: 256 values that approximate many numbers.
 
-/// Rounds of Lloyd's algorithm; it has settled long before on what scenes hold.
+/// Rounds of Lloyd's algorithm; on real scenes it converges long before.
 const ROUNDS: usize = 64;
-/// Entries: what a byte can say.
+/// Number of entries, one per byte value.
 pub(super) const ENTRIES: usize = 256;
 
-/// Numbers in ascending order, such that the nearest of them to each value is near (in the mean square).
+/// Values in ascending order that minimise the mean square distance of each number to the nearest value.
 pub(super) struct Codebook(pub(super) Vec<f32>);
 
 impl Codebook {
-    /// Lloyd's algorithm ("Least squares quantization in PCM", 1982) on sorted values, where a cluster is a range.
+    /// Lloyd's algorithm ("Least squares quantization in PCM", 1982) on sorted values, so that a cluster is a
+    /// range.
     pub(super) fn of(values: impl IntoIterator<Item = f32>) -> Codebook {
         let mut sorted: Vec<f32> = values.into_iter().collect();
         sorted.sort_unstable_by(f32::total_cmp);
         let mut unique = sorted.clone();
         unique.dedup();
         if unique.len() <= ENTRIES {
-            // Readers expect as many as a byte can say.
+            // Readers expect 256 entries.
             let last = unique.last().copied().unwrap_or(0.0);
             unique.resize(ENTRIES, last);
             return Codebook(unique);
         }
-        // Sums up to each value, so that a range's mean is two look-ups.
+        // Prefix sums, so that a range's mean takes two look-ups.
         let mut sum = 0.0;
         let sums: Vec<f64> = std::iter::once(0.0).chain(sorted.iter().map(|&v| (sum += f64::from(v), sum).1)).collect();
         let (low, high) = (f64::from(sorted[0]), f64::from(sorted[sorted.len() - 1]));
-        // In turn even steps, good for tails, and even shares, good where most are, however far a tail reaches.
+        // Initial centres alternate between even steps, for the tails, and even counts, for the bulk, however
+        // long the tails are.
         let mut centres: Vec<f64> = (0..ENTRIES)
             .map(|i| {
                 let share = (i as f64 + 0.5) / ENTRIES as f64;
@@ -54,7 +56,7 @@ impl Codebook {
         Codebook(centres.into_iter().map(|v| v as f32).collect())
     }
 
-    /// The nearest entry's index.
+    /// Index of the nearest entry.
     pub(super) fn index(&self, value: f32) -> u8 {
         let after = self.0.partition_point(|&entry| entry < value);
         let nearer = |i: &usize| (self.0[*i] - value).abs();
@@ -87,7 +89,7 @@ mod tests {
         let book = Codebook::of(even.iter().copied());
         // A step of 1/256 has the variance step²/12.
         assert!(book.0.is_sorted() && (error(&book) * 12.0 * 65536.0 - 1.0).abs() < 0.01, "{}", error(&book));
-        // One that is infinitely thin takes no more than half of the entries.
+        // An infinitely thin Gaussian uses at most half of the entries.
         let book = Codebook::of(even.iter().copied().chain([-87.0]));
         assert!(error(&book) * 12.0 * 65536.0 < 4.2 && book.0[0] == -87.0, "{}", error(&book));
     }

@@ -1,4 +1,4 @@
-//! Where the files of a scene are, and its images.
+//! Opens the files of an SOG scene, and decodes its images.
 
 use std::io::{Cursor, Read};
 use std::path::{Component, Path};
@@ -14,19 +14,19 @@ use super::META;
 pub(super) enum Files<'a> {
     Archive {
         archive: Box<ZipArchive<Cursor<&'a [u8]>>>,
-        /// Of all names.
+        /// Prefix of all names.
         prefix: String,
         have: usize,
     },
     Folder {
         meta: &'a [u8],
         folder: Option<&'a Path>,
-        /// Of what was read so far.
+        /// Bytes read so far.
         have: usize,
     },
 }
 
-/// RGBA, row by row.
+/// An RGBA image, row by row.
 pub(super) struct Pixels {
     pub(super) width: usize,
     pub(super) pixels: Vec<[u8; 4]>,
@@ -39,7 +39,7 @@ impl<'a> Files<'a> {
         }
         let archive =
             ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("is not a sound ZIP archive: {error}"))?;
-        // Some archives have all in a folder.
+        // Some archives keep all files in a folder.
         let names = archive.file_names().filter_map(|name| name.ok().map(|name| name.into_owned()));
         let meta = names.filter(|name| name == META || name.ends_with(&format!("/{META}"))).min_by_key(String::len);
         let Some(meta) = meta else {
@@ -49,14 +49,14 @@ impl<'a> Files<'a> {
         Ok(Files::Archive { archive: Box::new(archive), prefix, have: bytes.len() })
     }
 
-    /// Of the archive, or of the folder's files that were read so far.
+    /// Bytes of the archive, or of the folder's files read so far.
     pub(super) fn bytes(&self) -> usize {
         match self {
             Files::Archive { have, .. } | Files::Folder { have, .. } => *have,
         }
     }
 
-    /// The contents of a file.
+    /// Reads a file.
     pub(super) fn read(&mut self, name: &str) -> Result<Vec<u8>, String> {
         match self {
             Files::Archive { archive, prefix, have } => {
@@ -65,7 +65,7 @@ impl<'a> Files<'a> {
                 let size = file.size();
                 inflate::check_promise(*have, size, &format!("`{name}`"))?;
                 let mut out = Vec::new();
-                // Reading on to the end is what compares the checksum.
+                // Reading to the end verifies the checksum.
                 file.by_ref().take(size + 1).read_to_end(&mut out).map_err(|error| fail(error.to_string()))?;
                 if out.len() as u64 == size { Ok(out) } else { Err(fail(format!("it is not {size} bytes"))) }
             }
@@ -83,7 +83,7 @@ impl<'a> Files<'a> {
         }
     }
 
-    /// An image that is said to hold about `count` values.
+    /// Reads an image that should hold about `count` values.
     pub(super) fn image(&mut self, name: &str, count: usize) -> Result<Pixels, String> {
         let bytes = self.read(name)?;
         let have = self.bytes();
@@ -99,7 +99,7 @@ impl<'a> Files<'a> {
     }
 }
 
-/// Looks at the size before there is room for it.
+/// Checks the size before allocating memory.
 fn decode(
     decoder: ImageResult<impl ImageDecoder>,
     have: usize,
@@ -113,7 +113,7 @@ fn decode(
     let bytes = 4 * u64::from(width) * u64::from(height);
     inflate::check_promise(have, bytes, &format!("`{name}`, {width} × {height} pixels"))?;
     let mut limits = Limits::default();
-    // What the decoder itself needs beside the pixels is of their order.
+    // The decoder's other memory is of the same order as the pixels.
     limits.max_alloc = Some(8 * bytes + (1 << 20));
     if let Err(error) = decoder.set_limits(limits) {
         return Ok(Err(error));

@@ -1,4 +1,4 @@
-//! Version 1: ranges in the place of codebooks.
+//! Reads SOG version 1, with ranges instead of codebooks.
 
 use serde::{Deserialize, de::Error};
 
@@ -15,7 +15,7 @@ struct First {
     sh_n: Option<OneRange>,
 }
 
-/// By channel.
+/// Ranges by channel.
 #[derive(Deserialize)]
 struct Ranges {
     #[serde(default)]
@@ -25,7 +25,7 @@ struct Ranges {
     files: Vec<String>,
 }
 
-/// Of all channels.
+/// One range for all channels.
 #[derive(Deserialize)]
 struct OneRange {
     mins: f64,
@@ -33,7 +33,7 @@ struct OneRange {
     files: Vec<String>,
 }
 
-/// The description of version 1 as one of version 2, without codebooks.
+/// Converts a description of version 1 to version 2, with tables instead of codebooks.
 pub(super) fn understand(text: &[u8]) -> Result<(Meta, Tables), serde_json::Error> {
     let First { means, scales, quats, sh0, sh_n } = serde_json::from_slice(text)?;
     let Some(&count) = means.shape.first() else {
@@ -73,7 +73,7 @@ pub(super) fn understand(text: &[u8]) -> Result<(Meta, Tables), serde_json::Erro
     Ok((meta, tables))
 }
 
-/// What each byte stands for between two numbers.
+/// Evenly spaced values of the bytes between two numbers.
 fn evenly([low, high]: [f64; 2]) -> [f32; 256] {
     std::array::from_fn(|byte| (low + (high - low) * byte as f64 / 255.0) as f32)
 }

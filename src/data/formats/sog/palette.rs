@@ -1,9 +1,9 @@
-//! Harmonics by label.
+//! Looks up harmonics by label.
 
 use super::files::Pixels;
 use super::{PALETTE_ROW, Palette, entries};
 
-/// What labels stand for, and those of the Gaussians.
+/// The entries of the palette, and the Gaussians' labels.
 pub(super) struct Entries<'a> {
     pub(super) bands: u32,
     count: usize,
@@ -13,9 +13,9 @@ pub(super) struct Entries<'a> {
 }
 
 impl<'a> Entries<'a> {
-    /// `name` is that of the image with the entries.
+    /// `name` is the name of the image with the entries.
     pub(super) fn new(palette: &'a Palette, name: &str, entries: Pixels, labels: Pixels) -> Result<Self, String> {
-        // Version 1 says neither: the image does.
+        // Version 1 gives neither number; derive them from the image.
         let by_width = (1..=3u32).find(|bands| entries.width == PALETTE_ROW * ((*bands as usize + 1).pow(2) - 1));
         let bands = palette.bands.or(by_width).unwrap_or(1);
         if bands > 3 {
@@ -26,7 +26,7 @@ impl<'a> Entries<'a> {
         if width != expected {
             return Err(format!("`{name}` is {width} pixels wide, expected {expected} of {bands} bands"));
         }
-        // Rows are whole.
+        // Only whole rows count.
         let there = entries.pixels.len() / higher;
         let count = palette.count.unwrap_or(there);
         if there < count {

@@ -1,4 +1,4 @@
-//! Archives of SOG.
+//! Writes SOG archives.
 
 use std::collections::HashMap;
 use std::io::{Cursor, Write};
@@ -18,20 +18,20 @@ use crate::data::{SceneFile, TrainedWith};
 use crate::scene::{Gaussians, Scene};
 use crate::{Error, Result};
 
-/// What a label of 16 bits can say.
+/// Number of labels of 16 bits.
 const MOST_ENTRIES: usize = 1 << 16;
-/// WebP has no longer side.
+/// Maximum side of a WebP image.
 const LONGEST_SIDE: usize = 16383;
 
-/// Writes a ZIP archive. Gaussians are put into another order, in which neighbours look alike.
+/// Writes a ZIP archive. The Gaussians are reordered so that neighbours look alike, which compresses better.
 ///
 /// # Errors
-/// [`Error::Usage`] where they are more than an image has pixels.
+/// [`Error::Usage`] if there are more Gaussians than pixels in the largest image.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let Scene { base: gaussians, origin, .. } = &file.scene;
     let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
     let count = sorted.len();
-    // Nearly square, both sides whole blocks of four.
+    // Nearly square, both sides multiples of four.
     let width = ((count as f64).sqrt().ceil() as usize).next_multiple_of(4).max(4);
     let height = count.div_ceil(width).next_multiple_of(4).max(4);
     if width > LONGEST_SIDE {
@@ -52,7 +52,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
 
 struct Archive {
     zip: ZipWriter<Cursor<Vec<u8>>>,
-    /// Of the images with a pixel a Gaussian.
+    /// Size of the images with one pixel per Gaussian.
     size: [usize; 2],
 }
 
@@ -118,10 +118,10 @@ impl Archive {
     fn harmonics(&mut self, higher: &[[f32; 3]], bands: u32) -> std::io::Result<Palette> {
         let each = (bands as usize + 1).pow(2) - 1;
         let rows = higher.as_flattened();
-        // Of as many Gaussians as there are labels each has its own.
+        // If there are no more Gaussians than labels, each has its own.
         let groups = cluster::groups(rows, 3 * each, MOST_ENTRIES);
         let book = Codebook::of(groups.iter().flat_map(|(centre, _)| centre.iter().copied()));
-        // Entries that have become the same are one.
+        // Merge entries that have become equal.
         let (mut entries, mut known): (Vec<[u8; 4]>, HashMap<Vec<u8>, u16>) = Default::default();
         let mut labels = vec![0u16; higher.len() / each];
         for (centre, members) in &groups {
@@ -144,7 +144,7 @@ impl Archive {
         Ok(Palette { count: Some(count), bands: Some(bands), codebook: book.0, files })
     }
 
-    /// A pixel a Gaussian.
+    /// Adds an image with one pixel per Gaussian.
     fn pixels(&mut self, name: &str, pixels: impl Iterator<Item = [u8; 4]>) -> std::io::Result<String> {
         self.image(name, self.size, pixels)
     }
@@ -165,9 +165,9 @@ impl Archive {
         Ok(name.into())
     }
 
-    /// Stored as it is: images are compressed already.
+    /// Stores a file uncompressed: images are compressed already.
     fn add(&mut self, name: &str, bytes: &[u8]) -> std::io::Result<()> {
-        // Without a time, so that the same scene is the same file.
+        // Without a time stamp, so that equal scenes give equal files.
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
         self.zip.start_file(name, options).map_err(std::io::Error::other)?;
         self.zip.write_all(bytes)

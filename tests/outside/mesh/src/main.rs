@@ -1,9 +1,10 @@
-//! Draws a quad with a graphics pipeline, and a scene over it with glint, into one image: each hides the other where it is nearer.
+//! Draws a quad with a graphics pipeline, then a scene over it with glint, into one image: each hides the
+//! other if it is nearer.
 //!
 //!     mesh NUMBERS SCENE.ply OUT
 //!
-//! NUMBERS is a text file: width, height, a view matrix, a projection matrix (both columns first), four corners of the quad in the
-//! world. OUT gets the image's float32 RGBA, rows from the top.
+//! NUMBERS is a text file: width, height, a view matrix, a projection matrix (both column-major), four
+//! corners of the quad in the world. OUT gets the image's float32 RGBA, rows from the top.
 
 use std::{env, fs, io::Cursor, slice};
 
@@ -20,7 +21,7 @@ use glint::{
     },
 };
 
-/// What glint is lent, and what this renderer makes of it.
+/// The objects lent to glint, and this renderer's own.
 struct Renderer {
     instance: ash::Instance,
     physical: vk::PhysicalDevice,
@@ -34,7 +35,7 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 const COLOUR: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
-/// Of the quad, and of the sky.
+/// Colours of the quad, and of the sky.
 const QUAD: [f32; 4] = [0.8, 0.3, 0.1, 1.0];
 const SKY: [f32; 4] = [0.2, 0.4, 0.6, 1.0];
 
@@ -57,7 +58,7 @@ fn main() -> Outcome<()> {
 }
 
 impl Renderer {
-    /// A device with a queue that draws and computes, made with what glint asks for.
+    /// A device with a queue for graphics and compute, made with glint's requirements.
     unsafe fn new(entry: &ash::Entry) -> Outcome<Self> {
         unsafe {
             let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
@@ -94,7 +95,7 @@ impl Renderer {
         scene: &str,
     ) -> Outcome<Vec<f32>> {
         let device = &self.device;
-        // What is ours.
+        // This renderer's own objects.
         let usage = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
         let colour = unsafe { self.image(COLOUR, usage | vk::ImageUsageFlags::COLOR_ATTACHMENT, [width, height])? };
         let usage = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
@@ -103,7 +104,7 @@ impl Renderer {
         let (result, memory) = unsafe { self.host_buffer(bytes)? };
         let quad = unsafe { Quad::new(device, [colour.view, depth.view], [width, height])? };
 
-        // What is glint's.
+        // glint's objects.
         let context = unsafe {
             Context::borrow(BorrowedDevice {
                 entry: entry.clone(),
@@ -146,7 +147,7 @@ impl Renderer {
             corners.iter().flat_map(|c| (projection * view * c.extend(1.0)).as_vec4().to_array()).collect();
         unsafe {
             self.run(|commands| {
-                // The render pass leaves both images where glint wants them: see `Quad::new`.
+                // The render pass leaves both images in the layouts that glint expects, see `Quad::new`.
                 quad.record(device, commands, &clip, [width, height]);
                 frames.record(commands, &Frame { slot: 0, instances: &[Instance::of(&model)], views: &[seen] })?;
                 let written = [vk::MemoryBarrier::default()
@@ -166,7 +167,7 @@ impl Renderer {
             }
             let mapped = device.map_memory(memory, 0, bytes, vk::MemoryMapFlags::empty())?;
             let pixels = slice::from_raw_parts(mapped.cast::<f32>(), bytes as usize / 4).to_vec();
-            // Glint's handles go before the device does.
+            // glint's handles are dropped before the device.
             drop((frames, model, kept, context));
             quad.destroy(device);
             device.destroy_buffer(result, None);
@@ -264,7 +265,7 @@ fn layers(aspect_mask: vk::ImageAspectFlags) -> vk::ImageSubresourceLayers {
     vk::ImageSubresourceLayers { aspect_mask, layer_count: 1, ..Default::default() }
 }
 
-/// The graphics pipeline of a quad before a sky, with depths that are 1 at the near plane and 0 at infinity.
+/// The graphics pipeline of a quad in front of a sky, with depths of 1 at the near plane and 0 at infinity.
 struct Quad {
     pass: vk::RenderPass,
     target: vk::Framebuffer,
@@ -283,7 +284,7 @@ impl Quad {
                     .store_op(vk::AttachmentStoreOp::STORE)
                     .final_layout(last)
             };
-            // In the layouts that glint is told.
+            // In the layouts passed to glint.
             let attachments = [
                 attachment(COLOUR, vk::ImageLayout::GENERAL),
                 attachment(DEPTH, vk::ImageLayout::TRANSFER_SRC_OPTIMAL),
@@ -293,7 +294,7 @@ impl Quad {
             let depth = reference(1, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
             let subpasses =
                 [vk::SubpassDescription::default().color_attachments(&colours).depth_stencil_attachment(&depth)];
-            // Before glint: its reads and writes.
+            // Before glint's reads and writes.
             let after = [vk::SubpassDependency {
                 src_subpass: 0,
                 dst_subpass: vk::SUBPASS_EXTERNAL,
