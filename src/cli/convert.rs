@@ -1,4 +1,4 @@
-//! `glint convert`: writes a scene as a file of another format.
+//! `glint convert`: writes a scene in another file format.
 
 use std::{
     fmt::Write,
@@ -90,14 +90,14 @@ pub(super) struct SaveArgs {
     replace: OutputArgs,
 }
 
-/// A scene that may be written, and how.
+/// Scene and format that passed the checks before writing.
 pub(super) struct Prepared {
     file: SceneFile,
     format: SceneFormat,
 }
 
 impl SaveArgs {
-    /// Fails if `file` cannot be written to `output`, or should not be.
+    /// Fails if `file` cannot or must not be written to `output`.
     pub(super) fn prepare(&self, output: &Path, file: SceneFile, inputs: &Inputs) -> Result<Prepared> {
         let mut format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
         if let Some(version) = self.spz_version {
@@ -137,10 +137,10 @@ struct Report {
     supplementary: usize,
     /// Degree of the harmonics; `None` for other color models.
     sh_degree: Option<u32>,
-    /// Bytes of the input; of a folder, of all files in it.
+    /// Size of the input, bytes. A folder counts all its files.
     input_bytes: u64,
     output_bytes: u64,
-    /// dB, of renders of the output to renders of the input; only where asked for.
+    /// PSNR of the output's renders against the input's, dB; only with `--compare`.
     #[serde(skip_serializing_if = "Option::is_none")]
     psnr: Option<f64>,
 }
@@ -159,7 +159,7 @@ impl Args {
         let Prepared { file, format } = &prepared;
         let colors = color::of(file.scene.base.sh_degree);
         let written = colors.harmonics.map_or(colors, |degree| color::of(degree.min(format.greatest_sh_degree)));
-        // What cannot be compared is told before anything is written.
+        // Finds an unusable dataset before anything is written.
         let photos = dataset.as_ref().map(|dataset| photos_of(dataset, self.split.split())).transpose()?;
         prepared.write(output)?;
         let report = Report {
@@ -204,7 +204,7 @@ impl Args {
     }
 }
 
-/// Of sRGB values, clamped to 0 to 1; infinite where there is no difference.
+/// PSNR of sRGB values, clamped to between 0 and 1; infinite if there is no difference.
 fn psnr(a: &[f32], b: &[f32]) -> f64 {
     let off = |(&a, &b): (&f32, &f32)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2);
     -10.0 * (a.iter().zip(b).map(off).sum::<f64>() / a.len() as f64).log10()
@@ -246,7 +246,7 @@ fn check_lobes(file: &SceneFile, format: SceneFormat, output: &Path) -> Result<(
     }
 }
 
-/// Of a folder, the bytes of the files in it.
+/// Size of a file, or of the files in a folder, bytes.
 fn bytes_of(path: &Path) -> u64 {
     let size = |path: &Path| fs::metadata(path).map_or(0, |found| found.len());
     match fs::read_dir(path) {
@@ -262,7 +262,7 @@ mod tests {
     #[test]
     fn a_difference_is_measured_as_it_is_shown() {
         assert!((psnr(&[0.5, 0.2], &[0.4, 0.3]) - 20.0).abs() < 1e-5);
-        // What lies beyond white and black is not seen.
+        // Values beyond white and black are not visible.
         assert!((psnr(&[1.5, -1.0], &[0.9, 0.1]) - 20.0).abs() < 1e-5);
         assert_eq!(psnr(&[2.0, 0.5], &[1.0, 0.5]), f64::INFINITY);
     }

@@ -1,4 +1,4 @@
-//! `glint devices`: lists Vulkan devices, how kernels would run on each, and why one is refused.
+//! `glint devices`: lists Vulkan devices, how kernels would run on each, and why glint refuses some.
 
 use serde::Serialize;
 
@@ -20,7 +20,7 @@ pub(super) struct Args {
 #[derive(Serialize)]
 struct Listed {
     index: usize,
-    /// Why glint cannot use it.
+    /// Reason why glint cannot use it.
     refused: Option<String>,
     #[serde(flatten)]
     info: DeviceInfo,

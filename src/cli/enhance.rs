@@ -1,4 +1,5 @@
-//! `glint enhance`: augments a base scene from photos, judges the result on the test photos and discards it where it is worse.
+//! `glint enhance`: augments a base scene, measures the gain on the test photos, and discards a result that
+//! is worse than the base.
 
 use std::{
     fs,
@@ -87,7 +88,7 @@ enum Weights {
     Plain,
 }
 
-/// Both sides of every ⚖ of docs/method.md.
+/// Options for every ⚖ of docs/method.md.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[command(next_help_heading = "What the paper leaves open")]
@@ -116,7 +117,7 @@ pub(super) struct ChoiceArgs {
 }
 
 impl ChoiceArgs {
-    /// A method's options with these choices.
+    /// Options of a method with these choices.
     ///
     /// # Errors
     /// [`Error::Usage`] for a choice that the method does not have.
@@ -166,7 +167,7 @@ impl ChoiceArgs {
 }
 
 /// Augment a base scene, trained here or elsewhere, from the photos
-// Serialised into the settings of a checkpoint: an option that is new is in them unless it says that it changes nothing there.
+// Serialized into the settings of a checkpoint. A new option becomes part of them unless it is skipped.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[command(after_help = EXAMPLES)]
@@ -228,7 +229,7 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     device: DeviceArgs,
-    // Last, for its heading goes on to what follows.
+    // Must be last: its help heading also applies to the options after it.
     #[command(flatten)]
     #[serde(flatten)]
     choices: ChoiceArgs,
@@ -238,7 +239,7 @@ fn parse_ratio(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|r| (0.0..=10.0).contains(r)).ok_or_else(|| "expected a number from 0 to 10".into())
 }
 
-/// "500", "500kB", "2MB", "1.5GB".
+/// Parses "500", "500kB", "2MB" or "1.5GB".
 fn parse_bytes(text: &str) -> Result<u64, String> {
     let units = [("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B", 1.0)];
     let (number, unit) =
@@ -252,15 +253,15 @@ fn parse_share(text: &str) -> Result<f32, String> {
     found.ok_or_else(|| "expected a number from 0.01 to 0.99".into())
 }
 
-/// What a test PSNR may lose, dB, before an augmentation that nobody gave a budget is discarded: less than any seed moves it by
-/// (docs/experiments/2026-11-23-augmentation.md), so that what is only chance is kept.
+/// Loss of test PSNR, dB, above which an augmentation without a budget is discarded. Seeds move the PSNR by
+/// more (docs/experiments/2026-11-23-augmentation.md).
 const WORSE_DB: f64 = 0.02;
 
-/// What an augmentation is made of.
+/// Inputs of an augmentation.
 struct Task<'a> {
     dataset: &'a Dataset,
     photos: Vec<&'a Photo>,
-    /// The base.
+    /// Base.
     scene: &'a Scene,
     options: EnhanceOptions,
     policy: Policy,
@@ -278,10 +279,11 @@ impl Args {
             TrainedWith { exposure: trained_with.exposure, ..photo_args.trained_with(policy.compensate) };
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
-        // What is learned far away is rounded by no file; what counts from elsewhere stays bit for bit.
+        // Positions far from 0 would be rounded when they learn. A scene whose origin is elsewhere keeps
+        // its bits.
         let scene = if origin == DVec3::ZERO { scene } else { scene.around(origin) };
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
-        // A run by time reads no checkpoint, so it owns no output.
+        // A run by time reads no checkpoint, so it does not own an earlier output.
         let owns = self.time.is_none() && KeepArgs::owns(&self.output);
         self.replace.or(owns).check_ply(&self.output, &inputs)?;
         let _ours = Lock::take(&self.output)?;
@@ -306,7 +308,7 @@ impl Args {
         self.watch.with(&run, |context, look_at| self.augment(context, look_at, &task, end))
     }
 
-    /// The base, which must be one.
+    /// Reads the base; fails if it is augmented or has no harmonics.
     fn base_scene(&self) -> Result<SceneFile> {
         let file = self.lenient.open_file(&self.base)?;
         if file.scene.supplement.is_some() {
@@ -320,13 +322,13 @@ impl Args {
         Ok(file)
     }
 
-    /// The augmentation itself, which has until `end`, and what is told of it.
+    /// Runs the augmentation, until `end` at the latest, and prints its report.
     fn augment(&self, context: &Context, look_at: &mut Look<'_>, task: &Task<'_>, end: Option<Instant>) -> Outcome {
         let Task { dataset, photos, scene, options, policy, trained_with } = task;
         let (background, extent) = (dataset.background, dataset.extent() as f32);
         let session = self.learn.session(context, *policy, background, extent, self.seed.into());
         let (views, checksums) = upload(context, photos, background, 0)?;
-        // How many steps a run by the clock has would not be the same.
+        // A run by time has another number of steps each time, so it has no checkpoint.
         let mut kept = None;
         if self.time.is_none() {
             let base = fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
@@ -335,7 +337,7 @@ impl Args {
             kept = Some(Kept::new(&self.output, settings, &self.keep, *trained_with));
         }
         let earlier = kept.as_mut().map(Kept::find).transpose()?.flatten();
-        // The time of a resumed joint phase is not that of all its steps, and a run by time has none left.
+        // A resumed joint phase was timed only in part, and a run by time has no time left to repeat it.
         let repeat = self.time.is_none() && earlier.is_none();
         let joins = options.join.steps_per_view as usize * photos.len();
         let length = self.time.map_or_else(|| counted(joins, "joint step"), |time| format!("{time:?}"));
@@ -350,7 +352,7 @@ impl Args {
             silent: self.json,
         };
         let mut found = run_with_progress(&session, scene, &views, options, beside, look_at)?;
-        // Before anything else can fail: what was learned is kept.
+        // Written before anything else can fail.
         write_ply(&self.output, &found.scene, found.original.as_ref(), *trained_with)?;
         let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
         let ended = interrupt.asked() && found.join.is_some() && joint_steps < found.steps;
@@ -358,7 +360,7 @@ impl Args {
         if let (Some(kept), false) = (&kept, ended) {
             kept.remove()?;
         }
-        // Whoever ends it early waits for nothing more.
+        // After an interrupt, the result is not measured.
         let (gain, discarded) =
             if ended { (None, false) } else { self.judge(&session, (&views, repeat), task, &mut found)? };
         let report = self.report(context, task, &found, gain, discarded)?;
@@ -376,7 +378,7 @@ impl Args {
         Ok(())
     }
 
-    /// What the test photos say of the augmentation, and whether it was discarded for that.
+    /// Measures the gain on the test photos. Returns it, and whether the augmentation was discarded.
     fn judge(
         &self,
         session: &Session,
@@ -386,7 +388,7 @@ impl Args {
     ) -> Result<(Option<Gain>, bool)> {
         let &Task { dataset, scene, trained_with, .. } = task;
         let mut gain = match gain(session, scene, found, dataset, views) {
-            // What was made is made, whether or not it can be judged.
+            // The augmentation stands even if it cannot be measured.
             Err(error @ Error::Input { .. }) => {
                 note(format!("what was gained on the test photos is not known: {error}"));
                 None
@@ -404,7 +406,7 @@ impl Args {
             ));
             write_ply(&self.output, scene, None, trained_with)?;
         } else if found.original.is_none() && known.base_alone.psnr < known.before.psnr {
-            // The training photos did not tell.
+            // On the training photos, the changed base alone was better.
             found.original = Some(scene.base.clone());
             known.base_alone = known.before;
             write_ply(&self.output, &found.scene, found.original.as_ref(), trained_with)?;
@@ -412,7 +414,7 @@ impl Args {
         Ok((gain, discarded))
     }
 
-    /// What is printed in the end. What the user would not expect is told at once.
+    /// Collects the report, and prints notes on the budget.
     fn report<'a>(
         &'a self,
         context: &'a Context,
@@ -455,12 +457,12 @@ impl Args {
         })
     }
 
-    /// Whether the way and the budget are left to glint.
+    /// Whether method and budget are glint's defaults.
     fn asks_for_nothing(&self) -> bool {
         self.method == Method::Pursuit && self.ratio.is_none() && self.bytes.is_none() && self.time.is_none()
     }
 
-    /// What is to be done within the budget that was given.
+    /// Options of the augmentation, by method and budget.
     fn options(&self) -> Result<EnhanceOptions> {
         let options = self.choices.options(self.method, Preset::Paper)?;
         if self.method == Method::Augs {
@@ -479,7 +481,8 @@ impl Args {
     }
 }
 
-/// Tells why more or less was added than a budget says, of `budget` Gaussians in all; `plain` of them have no lobe.
+/// Prints notes if the budget was exceeded or nothing was added. `budget` counts all Gaussians allowed,
+/// `plain` the added ones without a lobe.
 fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
     let (bases, ratio) = (task.scene.base.len(), task.options.ratio);
     let cap = (ratio * bases as f64).ceil();

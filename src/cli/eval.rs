@@ -1,4 +1,4 @@
-//! `glint eval`: PSNR, SSIM and LPIPS of a scene against the photos of a dataset.
+//! `glint eval`: measures PSNR, SSIM and LPIPS of a scene against the photos of a dataset.
 
 use std::path::PathBuf;
 
@@ -107,7 +107,7 @@ impl Args {
     }
 }
 
-/// All that is printed.
+/// Content of `--json`.
 #[derive(Serialize)]
 struct Numbers<'a> {
     #[serde(flatten)]
@@ -118,7 +118,8 @@ struct Numbers<'a> {
     lpips: Option<&'a Distances>,
 }
 
-/// A row for each view and the mean; the columns of the supplement, and of the parts, only where there are such.
+/// Table with a row for each view and one for the mean. It has columns of the supplement and of the parts
+/// only if those exist.
 fn table(numbers: &Numbers<'_>, augmented: bool) -> Table {
     let Numbers { found, decomposition: parts, lpips } = *numbers;
     let text = Column { key: "view", title: "view", unit: "", decimals: 0 };

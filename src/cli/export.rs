@@ -1,4 +1,4 @@
-//! `glint export`: writes a scene as a page for browsers.
+//! `glint export`: writes a scene as an HTML page for browsers.
 
 use std::path::PathBuf;
 
@@ -64,7 +64,7 @@ struct Report {
     supplementary: usize,
     sh_degree: u32,
     cameras: usize,
-    /// Before they are written as text.
+    /// Bytes before encoding as text.
     bytes_per_gaussian: usize,
     bytes_per_gaussian_with_lobe: usize,
     page_bytes: usize,

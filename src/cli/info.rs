@@ -59,7 +59,7 @@ fn parse_size(text: &str) -> Result<Size, String> {
     }
 }
 
-/// Pixels of a side.
+/// Maximum side of a view, pixels.
 const MOST_SIDE: u32 = 1 << 15;
 
 #[derive(Serialize)]
@@ -88,7 +88,7 @@ impl Args {
             None | Some(Kind::Json) if self.plan => {
                 return Err(Error::input(path, "is a dataset, expected a scene for --plan").into());
             }
-            // Of a video nothing is one, and what to make of it is said there.
+            // A video is not a dataset; `open` explains what to do with it.
             None | Some(Kind::Json | Kind::Video) => {
                 Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?))
             }
@@ -114,7 +114,7 @@ impl Args {
     }
 }
 
-/// Lines of a title and what there is to say; writing to a string cannot fail.
+/// Lines of a title and a text. Writing to a string cannot fail.
 struct Lines(String);
 
 impl Lines {
@@ -129,7 +129,7 @@ fn spread(spread: &Option<Spread>) -> String {
     })
 }
 
-/// In words; nothing where the file says nothing.
+/// Settings in words; empty if the file has none.
 fn trained_text(&TrainedWith { background, antialiased, max_size, exposure }: &TrainedWith) -> String {
     let said = [
         background.map(|[r, g, b]| format!("background {r},{g},{b}")),
@@ -191,7 +191,7 @@ fn dataset_text(dataset: &DatasetSummary) -> String {
     let mut lines = Lines(String::new());
     lines.add("dataset", dataset.format);
     lines.add("photos", format_args!("{} ({} train, {} test)", dataset.photos, dataset.train, dataset.test));
-    // Photo collections have as many sizes as photos.
+    // Photo collections may have a different size for each photo.
     let shown = 3;
     let mut sizes: Vec<String> =
         dataset.sizes.iter().take(shown).map(|s| format!("{} × {} ({})", s.width, s.height, s.photos)).collect();

@@ -1,5 +1,5 @@
-//! Where results go: never over what the command reads, over other files only with `--force`, under a name that says what
-//! they are, and only where there is room.
+//! Checks of output files before any work: never an input, existing files only with `--force`, a suitable
+//! extension, and enough room on the disk.
 
 use std::{
     collections::HashSet,
@@ -21,7 +21,7 @@ pub(super) struct OutputArgs {
     force: bool,
 }
 
-/// A file by what it is, whatever it is called.
+/// Identity of a file, independent of its name.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum Identity {
     #[cfg(unix)]
@@ -31,7 +31,7 @@ enum Identity {
 }
 
 impl Identity {
-    /// None where there is no such file.
+    /// `None` if there is no such file.
     #[cfg(unix)]
     fn of(path: &Path) -> Option<Identity> {
         use std::os::unix::fs::MetadataExt;
@@ -44,11 +44,11 @@ impl Identity {
     }
 }
 
-/// What a command reads.
+/// Files and folders that a command reads.
 #[derive(Debug, Default)]
 pub(super) struct Inputs {
     files: HashSet<Identity>,
-    /// Folders with photos: a dataset is read by names, so a new file there may become a part of it.
+    /// Folders with photos. A new file there may become part of the dataset.
     folders: HashSet<Identity>,
 }
 
@@ -68,8 +68,8 @@ impl Inputs {
 }
 
 impl OutputArgs {
-    /// Fails now if a file at `path` could not be written after hours of work, or should not be. Leaves nothing behind.
-    /// `extension` is what a file of its kind is called, `what` the kind.
+    /// Fails early if a file at `path` cannot or must not be written. Leaves no file behind. `extension`
+    /// and `what` describe the expected kind of file.
     pub(super) fn check_file(&self, path: &Path, extension: &str, what: &str, inputs: &Inputs) -> Result<()> {
         if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
             return Err(Error::input(path, "exists and is not a file, expected the name of a file to write"));
@@ -87,7 +87,7 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// The same for a plain PLY scene, of which `glint convert` makes a scene of any other name.
+    /// Checks a PLY scene. For other endings, the error suggests `glint convert`.
     pub(super) fn check_ply(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         if SceneFormat::of(path).is_some_and(|format| format.ending != "ply") {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -100,7 +100,7 @@ impl OutputArgs {
         self.check_file(path, "ply", "a PLY scene", inputs)
     }
 
-    /// Makes the folder that files go to, and fails if they cannot, or should not.
+    /// Creates the output folder; fails if it cannot or must not be written to.
     pub(super) fn make_folder(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         if fs::metadata(path).is_ok_and(|found| !found.is_dir()) {
             return Err(Error::input(path, "exists and is not a folder, expected a folder to write to"));
@@ -117,7 +117,7 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// Fails if one of `names` in `folder` is there already and may not be replaced.
+    /// Fails if one of `names` exists in `folder` and may not be replaced.
     pub(super) fn check_files<'a>(
         &self,
         folder: &Path,
@@ -127,7 +127,7 @@ impl OutputArgs {
         names.into_iter().try_for_each(|name| self.check_replaced(&folder.join(name), inputs))
     }
 
-    /// The same, and where `own` is set, that what is there is known to be of this very run, which may be replaced.
+    /// Allows replacement if `own`: the existing output belongs to this run.
     pub(super) fn or(&self, own: bool) -> OutputArgs {
         OutputArgs { force: self.force || own }
     }
@@ -147,7 +147,7 @@ pub(super) fn writable(folder: &Path) -> std::io::Result<()> {
     tempfile::tempfile_in(folder).map(drop)
 }
 
-/// Removes what killed runs left.
+/// Removes unfinished files of killed runs.
 fn clear(folder: &Path) {
     let gone = sweep(folder);
     if !gone.is_empty() {
@@ -155,8 +155,8 @@ fn clear(folder: &Path) {
     }
 }
 
-/// Fails if `bytes` do not fit onto the disk of `path`, and says so where they do and what is kept `beside` them meanwhile does not. Where
-/// that cannot be known it is left to the writing.
+/// Fails if `bytes` do not fit on the disk of `path`. Prints a note if they fit, but not together with the
+/// `beside` bytes written meanwhile. If the free space is unknown, nothing is checked.
 pub(super) fn check_room(path: &Path, bytes: u64, beside: u64) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match fs4::available_space(folder) {
@@ -165,7 +165,7 @@ pub(super) fn check_room(path: &Path, bytes: u64, beside: u64) -> Result<()> {
     }
 }
 
-/// What there is to say of a disk on which so many bytes are free.
+/// Error or note for a disk with `free` bytes.
 fn judge_room(path: &Path, free: u64, [bytes, beside]: [u64; 2]) -> Result<Option<String>> {
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     let (need, more, have) = (megabytes(bytes), megabytes(beside), megabytes(free));

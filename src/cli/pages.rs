@@ -1,4 +1,4 @@
-//! `glint completions` and `glint man`: what a packager installs beside the program.
+//! `glint completions` and `glint man`: files for a package of glint.
 
 use std::{io, path::PathBuf};
 

@@ -1,4 +1,4 @@
-//! `glint render`: images of a scene from a dataset's cameras or along a camera path.
+//! `glint render`: renders images of a scene from a dataset's cameras or along a camera path.
 
 use std::{collections::HashMap, path::PathBuf};
 
@@ -52,7 +52,7 @@ Examples:
   glint render augmented.ply garden -o depth --what depth --format exr
   glint render augmented.ply --path augmented-path-1.json -o frames --frames 240";
 
-/// What five digits count.
+/// Maximum number of frames; their names have five digits.
 const MAX_FRAMES: i64 = 99_999;
 
 /// Render the views of a dataset, or frames along a camera path
@@ -116,15 +116,15 @@ enum What {
     Specular,
 }
 
-/// A view that is rendered.
+/// View to render.
 struct Shot {
     name: String,
     camera: Camera,
-    /// In the folder.
+    /// Name in the output folder.
     file: String,
 }
 
-/// A view and its file.
+/// View and its file, for `--json`.
 #[derive(Serialize)]
 struct Written<'a> {
     name: &'a str,
@@ -176,7 +176,7 @@ impl Args {
         Ok(())
     }
 
-    /// What is rendered, and what is read for it.
+    /// Views to render, and the files that were read for them.
     fn shots(&self, photos: &PhotoArgs) -> Result<(Vec<Shot>, Inputs)> {
         let extension = if self.format == Format::Png { "png" } else { "exr" };
         let inputs = Inputs::default().scene(&self.scene);
@@ -192,7 +192,7 @@ impl Args {
             return Err(Error::Usage("a dataset or --path is needed, whose cameras are used".into()));
         };
         let dataset = photos.open(dataset)?;
-        // Over all photos, so that a photo's file has the same name whatever the split.
+        // Named over all photos, so that a photo's file has the same name for every split.
         let names = stems(&dataset.photos).into_iter().map(|stem| format!("{stem}.{extension}"));
         let files: HashMap<&str, String> = dataset.photos.iter().map(|p| &p.name[..]).zip(names).collect();
         let shots = photos_of(&dataset, self.split.split())?.into_iter().map(|photo| Shot {

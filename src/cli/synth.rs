@@ -1,4 +1,4 @@
-//! `glint synth`: writes a traced dataset whose diffuse and specular light is known.
+//! `glint synth`: writes a ray-traced dataset with known diffuse and specular light.
 
 use std::path::PathBuf;
 

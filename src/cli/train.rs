@@ -1,5 +1,5 @@
-//! `glint train`: trains a base scene. Here are its options and what a run is made of; `first` has the Gaussians that it begins with,
-//! `course` its loop.
+//! `glint train`: trains a base scene. This file has the options and the setup of a run; `first` has the
+//! initial Gaussians, `course` the training loop.
 
 use std::{
     path::PathBuf,
@@ -64,17 +64,17 @@ Examples:
   glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
-/// A submission takes no more of a run's time than one part in so many: two of them are on their way when it is to end.
+/// A submission takes at most 1/40 of a run's time, because two are still running when the time ends.
 const SUBMISSIONS: u32 = 40;
-/// Bytes a second that a scene is written with at least, but for a slow disk.
+/// Minimum speed of writing a scene, bytes per second, except on slow disks.
 const WRITTEN_PER_SECOND: f64 = 2e8;
-/// Of a Gaussian's scores in a checkpoint.
+/// Size of a Gaussian's scores in a checkpoint, bytes.
 const SCORE_BYTES: u64 = 4 * SCORES as u64;
-/// A request for more Gaussians than this is compared with the device's memory before anything is allocated.
+/// Larger requests for Gaussians are compared with the device's memory before anything is allocated.
 const MANY: u32 = 1 << 20;
 
 /// Train a base scene on photos
-// Serialised into the settings of a checkpoint: an option that is new is in them unless it says that it changes nothing there.
+// Serialized into the settings of a checkpoint. A new option becomes part of them unless it is skipped.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[command(after_help = EXAMPLES)]
@@ -183,7 +183,7 @@ fn is_default(color: &ColorArg) -> bool {
     *color == ColorArg::default()
 }
 
-/// What `--json` prints.
+/// Content of `--json`.
 #[derive(Serialize)]
 struct Report<'a> {
     output: &'a str,
@@ -193,38 +193,38 @@ struct Report<'a> {
     /// Degree of the harmonics; `None` for other color models.
     sh_degree: Option<u32>,
     iterations: u32,
-    /// Those of them that an earlier run did.
+    /// Steps done by an earlier run; included in `iterations`.
     iterations_resumed: u32,
     seed: u64,
-    /// How often sides of photos were halved at first.
+    /// Number of times that the sides of photos were halved at first.
     halvings: u32,
     /// Width × height of a tile, pixels.
     tile: String,
-    /// Of the training loop alone, in this run, without evaluations.
+    /// Time of the training loop in this run, without evaluations.
     seconds: f64,
     steps_per_second: f64,
     /// Mean over the last pass through the photos.
     final_loss: f64,
-    /// With --exposure: the largest difference of an entry of a photo's map from the identity's.
+    /// With --exposure: the largest difference between an entry of a photo's map and the identity.
     #[serde(skip_serializing_if = "Option::is_none")]
     largest_exposure: Option<f32>,
-    /// The most that the device held.
+    /// Peak device memory, MB.
     device_megabytes: f64,
-    /// How often a buffer was too small and was grown.
+    /// Number of times that a buffer overflowed and was grown.
     buffers_grown: u32,
-    /// In the order in which they first run; empty where the device has no timestamps.
+    /// Stages in the order of their first run; empty if the device has no timestamps.
     stages: Vec<StageMean>,
 }
 
-/// What was read before there is a device.
+/// Inputs read before a device is opened.
 struct Read<'a> {
-    /// When reading began.
+    /// Start of reading.
     began: Instant,
     dataset: &'a Dataset,
     photos: Vec<&'a Photo>,
-    /// With --eval-every.
+    /// Test photos, with --eval-every.
     test: Option<Vec<&'a Photo>>,
-    /// What the test photos are, in a word.
+    /// Name of the selection of test photos.
     holdout: String,
     policy: Policy,
     trained_with: TrainedWith,
@@ -270,7 +270,7 @@ impl Args {
         self.watch.with(&run, |context, look_at| self.train(context, look_at, read, first))
     }
 
-    /// What the user would not expect of what was read.
+    /// Prints notes on the initial Gaussians and the cameras.
     fn tell(&self, first: &First, dataset: &Dataset) {
         first.notes.iter().for_each(|text| note(text.as_str()));
         let sh_degree = self.degree();
@@ -283,7 +283,7 @@ impl Args {
         }
     }
 
-    /// The run itself, from what was read to the scene.
+    /// Trains on the inputs and writes the scene.
     fn train(&self, context: &Context, look_at: &mut Look<'_>, read: Read<'_>, mut first: First) -> Outcome {
         let Read { began, dataset, photos, test, holdout, policy, trained_with, inputs, replace } = read;
         let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
@@ -300,7 +300,7 @@ impl Args {
                 .halvings
                 .unwrap_or_else(|| if self.strategy.is_newton() { halvings_for(&photos) } else { 0 }),
         };
-        // A disk needs room for what memory leaves of them.
+        // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);
         let scene = u64::from(control.limit) * gaussian_bytes(course.sh_degree, false);
         check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
@@ -349,7 +349,7 @@ impl Args {
         if let Some(history) = &mut history {
             history.begin(found.as_ref().map(|_| had), &replace, &inputs)?;
         }
-        // For --json and -v.
+        // Stages are timed for --json and -v.
         let timed = self.json || tracing::enabled!(tracing::Level::INFO);
         match &found {
             Some(checkpoint) => trainer.resume(&model, checkpoint, timed)?,
@@ -385,7 +385,7 @@ impl Args {
         }
     }
 
-    /// What the device will hold, for -v.
+    /// Logs the expected device memory.
     fn tell_memory(&self, pixels: u64, most: u32, halvings: u32) {
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
@@ -399,14 +399,14 @@ impl Args {
         tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(bytes));
     }
 
-    /// Of a Gaussian that learns.
+    /// Device memory of a Gaussian that learns, bytes.
     fn learning_bytes(&self) -> u64 {
         let packed = self.learn.precision == super::Precision::Half;
         learning_bytes(self.degree(), packed, self.strategy.is_newton())
     }
 
-    /// The end of a run of so long that began at `began` and is about to take its first step, less what writing so many Gaussians takes. One
-    /// that goes on has the time that was left, be it none.
+    /// Deadline of a run of length `time`, which began reading at `began`, minus the time to write the
+    /// scene. A resumed run has the time that was left, possibly none.
     fn deadline(
         &self,
         time: Duration,
@@ -431,7 +431,7 @@ impl Args {
         Ok(Deadline::new(now, began + left))
     }
 
-    /// What colours are: a degree of harmonics, or betas.
+    /// Color model: a degree of harmonics, or betas.
     fn degree(&self) -> u32 {
         if self.color == ColorArg::Sb { color::BETAS } else { self.sh_degree }
     }
@@ -449,7 +449,7 @@ impl Args {
         Ok(())
     }
 
-    /// Fails if the device has no memory for the Gaussians that were asked for, before anything is allocated.
+    /// Fails before any allocation if the requested Gaussians exceed the device's memory.
     fn check_asked(&self, dataset: &Dataset) -> Outcome {
         // Sparse points limit their own number; random points do not.
         let drawn = self.points.filter(|_| self.init.is_none() && dataset.points.is_none());
@@ -469,8 +469,8 @@ impl Args {
         })
     }
 
-    /// What a run keeps beside its scene while it goes on: its checkpoint, twice while one takes the place of another, and pictures of the
-    /// first of these photos, as far as it is known how many there will be.
+    /// Bytes on disk next to the scene: the checkpoint, twice while one replaces another, and pictures of
+    /// the first test photo if their number is known.
     fn kept_bytes(&self, control: &DensityOptions, test: &[&Photo]) -> u64 {
         let gaussian = self.learning_bytes() + SCORE_BYTES;
         let checkpoint = u64::from(control.limit) * gaussian + 4 * u64::from(control.iterations);

@@ -1,4 +1,4 @@
-//! `glint verify`: judges a device and its driver, every kernel against float64.
+//! `glint verify`: tests a device and its driver by comparing every kernel with float64.
 
 use std::path::{Path, PathBuf};
 
@@ -98,7 +98,7 @@ impl Args {
             None => {
                 let cloud = first_points(&dataset, None, 0).cloud;
                 let mut base = from_points(&cloud.around(origin), &cloud.colors, 3);
-                // The gradient of a sphere's rotation is 0, of which float32 has the rounding only.
+                // The gradient of a sphere's rotation is 0; float32 would compute only rounding errors.
                 base.log_scales.iter_mut().for_each(|axes| (axes[0], axes[1]) = (axes[0] + 0.1, axes[1] - 0.1));
                 Scene { base, origin, ..Default::default() }
             }

@@ -1,4 +1,4 @@
-//! The plan of an augmentation, for people.
+//! Plan of an augmentation as text and HTML.
 
 use std::fmt::Write;
 
@@ -8,7 +8,7 @@ use super::{
 };
 use crate::pipelines::spend::{Spending, Spent};
 
-/// What each thing that can be spent on gains.
+/// Table of gains for each use of the budget.
 fn table(plan: &Spending) -> Table {
     let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
     let mut table = Table::new([
@@ -46,7 +46,7 @@ fn table(plan: &Spending) -> Table {
     table
 }
 
-/// What is done, and what is left out and why.
+/// Sentences on the planned Gaussians, the candidates left out, and the meaning of gains.
 fn sentences(plan: &Spending) -> [String; 3] {
     let &Spending { gaussians_allowed, bytes_allowed, placements, steps, .. } = plan;
     let bytes = bytes_allowed.map_or(String::new(), |bytes| format!(" in {bytes} bytes"));
@@ -77,13 +77,13 @@ fn sentences(plan: &Spending) -> [String; 3] {
     [does, left_out, gains]
 }
 
-/// As it is printed.
+/// Formats the plan as text.
 pub fn text(plan: &Spending) -> String {
     let [does, left_out, gains] = sentences(plan);
     format!("plan: {does}\n{}\n{left_out}\n{gains}\n", table(plan))
 }
 
-/// As a page shows it.
+/// Formats the plan as HTML.
 pub fn html(plan: &Spending) -> String {
     let mut out = format!("<pre class=\"plan\">{}</pre>\n", escape(&table(plan).to_string()));
     for sentence in sentences(plan) {

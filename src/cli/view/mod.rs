@@ -1,4 +1,4 @@
-//! `glint view`: a window that a scene is looked at through.
+//! `glint view`: shows a scene in a window.
 
 mod flight;
 mod scenery;
@@ -71,7 +71,7 @@ pub(super) struct Args {
     device: DeviceArgs,
 }
 
-/// Shows the scene of a run while it learns.
+/// Shows the scene of a run while it trains.
 pub(super) fn watch<T>(run: &Watched<'_>, work: impl FnOnce(&Context, &mut Look<'_>) -> Outcome<T>) -> Outcome<T> {
     let folder = run.output.parent().filter(|folder| !folder.as_os_str().is_empty());
     let desk = Desk {
@@ -88,7 +88,7 @@ pub(super) fn watch<T>(run: &Watched<'_>, work: impl FnOnce(&Context, &mut Look<
     watch::run(&desk, work)
 }
 
-/// The largest side that can be asked for: what windows and drivers take.
+/// Maximum side of a window, as windowing systems and drivers accept it.
 const MAX_SIDE: u32 = 16_384;
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
