@@ -29,43 +29,43 @@ use crate::{
 const EXAMPLES: &str = "\
 Examples:
   glint convert base.ply base.spz
-  glint convert base.ply base.spz --spz-version 3        for viewers that know no version 4
+  glint convert base.ply base.spz --spz-version 3        for viewers that cannot read version 4
   glint convert augmented.ply base.sog --base-only
   glint convert download.splat scene.ply --lenient
-  glint convert base.checkpoint.safetensors base.ply     what a run has learned so far
-  glint convert base.ply base.sog --compare garden       how near the renders of the test views are";
+  glint convert base.checkpoint.safetensors base.ply     the current state of a run
+  glint convert base.ply base.sog --compare garden       PSNR of its renders against the input's";
 
 fn after_help() -> String {
     let line = |format: &SceneFormat| format!("  {:<17}{}\n", format!(".{}", format.ending), format.about);
     let formats: String = SceneFormat::ALL.iter().map(line).collect();
     let lobes = SceneFormat::endings(|format| format.keeps_lobes);
     format!(
-        "The ending of the output's name says what it becomes:\n{formats}\n\
-         Only {lobes} have a place for Gaussians with lobes. For the others these are an error; with --base-only they are left \
-         out, and what other viewers show of an augmented scene is written. All commands that take a scene read these files, \
-         SPZ since version 1, SOG also as a folder, .gltf, and the checkpoints that a run keeps.\n\n{EXAMPLES}"
+        "The ending of the output file decides its format:\n{formats}\n\
+         Only {lobes} can store Gaussians with lobes. For other formats such a scene is an error, unless --base-only leaves \
+         them out and writes the base as other viewers show it. All commands that take a scene read these files, SPZ from \
+         version 1 on, SOG also as a folder, .gltf, and checkpoints.\n\n{EXAMPLES}"
     )
 }
 
-/// Write a scene as a file of another kind
+/// Convert a scene to another file format
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub(super) struct Args {
-    /// Scene, told by its contents
+    /// Input scene; its contents decide the format
     input: PathBuf,
-    /// File to write
+    /// Output file; its ending decides the format
     output: PathBuf,
     #[command(flatten)]
     save: SaveArgs,
     #[command(flatten)]
     lenient: SceneArgs,
-    /// Render the views of a dataset before and after, and print the mean PSNR of the one to the other
+    /// Render the views of this dataset before and after, and print the mean PSNR of one against the other
     #[arg(long, value_name = "DATASET")]
     compare: Option<PathBuf>,
-    /// Photos whose cameras are used to compare
+    /// Photos whose cameras --compare uses
     #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
-    /// Print JSON; "psnr" is null where there is no difference
+    /// Print JSON; "psnr" is null if the renders are identical
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -76,14 +76,14 @@ pub(super) struct Args {
     device: DeviceArgs,
 }
 
-/// How a scene is written.
+/// Options of writing a scene.
 #[derive(Debug, clap::Args)]
 pub(super) struct SaveArgs {
     /// Leave out Gaussians with lobes
     #[arg(long)]
     base_only: bool,
-    /// Version of an SPZ file, for viewers that do not know 4: 3 holds the same in more bytes, 2 has coarser rotations, 1 positions of 16
-    /// bits besides
+    /// Version of the SPZ file, for viewers that cannot read version 4. Version 3 is larger; version 2 also
+    /// has coarser rotations; version 1 also has 16-bit positions
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=4))]
     spz_version: Option<u8>,
     #[command(flatten)]

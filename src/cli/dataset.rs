@@ -17,19 +17,20 @@ use crate::{
 /// Options that select the parts of a dataset.
 #[derive(Debug, Clone, Args)]
 pub(super) struct DatasetArgs {
-    /// Folder of the photos, in the dataset or a path of its own [default: where the dataset has them; images, input, images_2,
-    /// images_4 or images_8]
+    /// Folder of the photos: a path, or a name in the dataset [default: the dataset's own folder, else
+    /// images, input, images_2, images_4 or images_8]
     #[arg(long, value_name = "DIR", help_heading = "Dataset")]
     images: Option<PathBuf>,
-    /// Folder of the COLMAP model, in the dataset or a path of its own [default: the first of sparse/0, sparse, the dataset,
-    /// sparse/1 and on, colmap/sparse/0 and the like]
+    /// Folder of the COLMAP model: a path, or a name in the dataset [default: the first of sparse/0,
+    /// sparse, the dataset, sparse/1 and on, colmap/sparse/0 and the like]
     #[arg(long, value_name = "DIR", help_heading = "Dataset")]
     model: Option<PathBuf>,
-    /// Test photos: every N-th by name, from the first on; sector, an eighth of the cameras that lies together (of an orbit by
-    /// angle, else one end of the cameras' largest spread); or none [default: what the dataset says, else 8]
+    /// Test photos: every N-th by name, from the first on; sector, a contiguous eighth of the cameras (by
+    /// angle in an orbit, else one end of their largest spread); or none [default: as the dataset says,
+    /// else 8]
     #[arg(long, alias = "test-every", value_name = "N|sector|none", help_heading = "Dataset")]
     holdout: Option<Holdout>,
-    /// What transparent pixels of photos mean
+    /// Meaning of transparent pixels in photos
     #[arg(long, value_enum, default_value_t, help_heading = "Dataset")]
     alpha: Alpha,
 }
@@ -140,15 +141,16 @@ fn note_if_foreign(scene: &Path, found: std::fmt::Arguments<'_>) {
 pub(super) struct PhotoArgs {
     #[command(flatten)]
     dataset: DatasetArgs,
-    /// Downscale photos whose longer side has more pixels than this; where images_2, images_4 or images_8 has all of them at that size, to
-    /// a pixel, those are taken, unless --images or --reduce is given [default: as the scene was trained, else 1600, as 3DGS]
+    /// Downscale photos to at most this many pixels on the longer side. If images_2, images_4 or images_8
+    /// holds all photos at exactly that size, it is used, unless --images or --reduce is given [default: as
+    /// the scene was trained, else 1600]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     max_size: Option<u32>,
-    /// How photos are downscaled [default: area]
+    /// Filter for downscaling photos [default: area]
     #[arg(long, value_enum)]
     reduce: Option<Reduce>,
-    /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1 [default: as the scene was
-    /// trained, else black]
+    /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0
+    /// to 1 [default: as the scene was trained, else black]
     #[arg(long, value_name = "COLOR", value_parser = parse_background)]
     background: Option<[f32; 3]>,
 }

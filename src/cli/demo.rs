@@ -42,9 +42,10 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them, augments \
-it, and compares both with 8 held-out photos, on a page. As controls, the base is also trained longer, by as many steps, trained \
-from the start with as many more plain Gaussians for as many more steps, and augmented by the other method.
+Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them and \
+augments it. A page compares both with 8 held-out photos. It also has three controls: the base trained longer by the same \
+number of steps, plain Gaussians trained from the start with the same numbers of Gaussians and steps, and the base augmented \
+by the other method.
 
 Examples:
   glint demo
@@ -66,17 +67,17 @@ const SH_DEGREE: u32 = 3;
 const BASE: &str = "base.ply";
 const AUGMENTED: &str = "augmented.ply";
 
-/// The whole method on a built-in scene: train a base, augment it, show the gain
+/// Train and augment a built-in scene, and show the gain
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder for the scenes and the page
+    /// Output folder for the scenes and the page
     #[arg(short, long, value_name = "DIR", default_value = "glint-demo")]
     output: PathBuf,
-    /// How Gaussians are placed
+    /// Method that places Gaussians
     #[arg(long, value_enum, default_value_t)]
     method: Method,
-    /// Seed of the draws and of the order of photos
+    /// Seed of random numbers and of the order of photos
     #[arg(long, default_value_t = 0)]
     seed: u32,
     /// Print JSON

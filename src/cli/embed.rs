@@ -87,7 +87,7 @@ pub fn device(arguments: &[OsString], listener: Listener) -> Result<Context, Fai
 #[derive(Parser)]
 #[command(no_binary_name = true)]
 struct LoadArgs {
-    /// Scene, told by its contents
+    /// Input scene; its contents decide the format
     scene: PathBuf,
     #[command(flatten)]
     lenient: SceneArgs,
@@ -96,7 +96,7 @@ struct LoadArgs {
 #[derive(Parser)]
 #[command(no_binary_name = true)]
 struct WriteArgs {
-    /// File to write; its ending says what it becomes
+    /// Output file; its ending decides the format
     output: PathBuf,
     #[command(flatten)]
     save: SaveArgs,

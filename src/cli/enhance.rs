@@ -48,12 +48,12 @@ pub(super) mod drive;
 pub(super) mod report;
 
 const EXAMPLES: &str = "\
-Gaussians are placed where they take most from the squared error of all training photos together: supplementary ones, whose \
-opacity depends on the view, or plain ones where those gain more. Then all learn together with the base. Of --ratio, --bytes and \
---time the tightest holds; without --ratio and --bytes Gaussians are added until one gains less than training on for the time that it takes. What is \
-spent on which, and what is left out and why, is printed before it is done. Only training photos are \
-used; the gain is then measured on the test photos. With --method augs the paper's own way is taken: 2D Gaussians are fitted to what \
-the base gets wrong in each photo, lifted into the scene and optimised together with the base's opacities.
+Gaussians are placed to reduce the squared error of all training photos most: with a lobe, so that their opacity depends on \
+the viewing direction, or plain if those gain more. Then everything learns together with the base. The tightest of --ratio, \
+--bytes and --time holds. Without --ratio and --bytes, Gaussians are added until another one would gain less than the same \
+time of longer training. The plan is printed first: the gain of each kind, and the candidates left out, with reasons. Only \
+training photos are used; the gain is then measured on the test photos. --method augs is the paper's method: it fits 2D \
+Gaussians to the base's errors in each photo, lifts them into the scene and optimizes them together with the base's opacities.
 
 Examples:
   glint enhance garden --base base.ply -o augmented.ply
@@ -61,14 +61,15 @@ Examples:
   glint enhance garden --base base.ply -o augmented.ply --bytes 2MB --time 60s
   glint enhance garden --base base.ply -o augmented.ply --method augs --preset quick
 
-What the joint phase has learned, and with --method augs what photos were lifted to, is saved every minute, on an error and on Ctrl-C in \
-augmented.checkpoint.safetensors. The same command resumes there, unless it has --time, and removes it in the end.";
+A checkpoint, augmented.checkpoint.safetensors, is saved every minute, on an error and on Ctrl-C. It has the state of the \
+joint phase, and with --method augs the lifted Gaussians. The same command resumes from it and removes it at the end. With \
+--time there is no checkpoint.";
 
-/// How many steps the 2D phase of the paper's method takes.
+/// Number of steps in the screen phase of the paper's method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Preset {
-    /// The same with shorter rounds, for previews and machines without a GPU
+    /// Shorter rounds, for previews and machines without a GPU
     Quick,
     /// The paper's numbers of steps
     Paper,
@@ -91,27 +92,30 @@ enum Weights {
 /// Options for every ⚖ of docs/method.md.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
-#[command(next_help_heading = "What the paper leaves open")]
+#[command(next_help_heading = "Points that the paper leaves open")]
 pub(super) struct ChoiceArgs {
-    /// Rounds of the 2D phase of --method augs [default: paper; of demo: quick]
+    /// Rounds of the screen phase of --method augs [default: paper; demo: quick]
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
+    /// Transmittance below which a pixel's depth is taken; the authors' release uses 0.7
     #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share)]
     depth_threshold: f32,
-    /// A pixel's depth is that of its median Gaussian's centre, instead of the Gaussian's maximum along the ray
+    /// Take a pixel's depth at the center of its median Gaussian, instead of at the Gaussian's maximum
+    /// along the ray
     #[arg(long)]
     centre_depth: bool,
-    /// Adam's bias correction counts the steps of the whole view, as the authors' release does, instead of by each 2D Gaussian's own
+    /// Count the steps of the whole view for Adam's bias correction, as the authors' release does, instead
+    /// of those of each 2D Gaussian
     #[arg(long)]
     shared_steps: bool,
-    /// Separating foreground from background fails while this group has fewer than 3 points
+    /// Group that must have at least 3 points to separate foreground from background
     #[arg(long, value_enum, default_value_t = Failure::Largest)]
     cluster_failure: Failure,
     /// Weights of the covariance of a group
     #[arg(long, value_enum, default_value_t = Weights::Squared)]
     pca_weights: Weights,
-    /// Use Adam's bias correction for all parameters of the joint phase of --method augs, not only for the lobes
+    /// Use Adam's bias correction for all parameters of the joint phase of --method augs, not only for
+    /// lobes
     #[arg(long)]
     bias_correction: bool,
 }
@@ -166,7 +170,7 @@ impl ChoiceArgs {
     }
 }
 
-/// Augment a base scene, trained here or elsewhere, from the photos
+/// Augment a base scene from photos
 // Serialized into the settings of a checkpoint. A new option becomes part of them unless it is skipped.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -175,26 +179,27 @@ pub(super) struct Args {
     /// Folder or JSON file of the dataset
     #[serde(skip)]
     dataset: PathBuf,
-    /// 3DGS PLY of the base scene
+    /// Base scene, from glint or any other 3DGS trainer, in any format that glint reads
     #[arg(long, value_name = "PLY")]
     #[serde(skip)]
     base: PathBuf,
-    /// PLY file to write: the base as any viewer reads it, and behind it what only glint reads
+    /// Output PLY file: other viewers show its base, glint also shows the added Gaussians
     #[arg(short, long, value_name = "PLY")]
     #[serde(skip)]
     output: PathBuf,
-    /// How Gaussians are placed
+    /// Method that finds the added Gaussians
     #[arg(long, value_enum, default_value_t)]
     method: Method,
-    /// Gaussians that may be added, per Gaussian of the base [default: with --method augs 0.1, else as many as gain more than training
-    /// on, 0.25 at most]
+    /// Maximum number of added Gaussians, per Gaussian of the base, from 0 to 10 [default: those that gain
+    /// more than longer training, at most 0.25; 0.1 with --method augs]
     #[arg(long, value_parser = parse_ratio)]
     ratio: Option<f64>,
-    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB. Where `vertex` stays the base that was given, what it became
-    /// is kept beside it, and not counted
+    /// Maximum size of the added Gaussians in the file, such as 500kB or 2MB. A changed base stored next to
+    /// the original one does not count
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     bytes: Option<u64>,
-    /// Time from now until the scene is written, such as 60s or 5m: the joint phase has as many steps as find time. Two runs differ
+    /// Time until the scene is written, such as 60s or 5m; the joint phase has as many steps as fit. Two
+    /// runs differ
     #[arg(long, value_parser = duration)]
     #[serde(skip)]
     time: Option<Duration>,
@@ -204,10 +209,10 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     watch: WatchArgs,
-    /// Seed of the draws and of the order of photos; the same seed and device give the same scene
+    /// Seed of random numbers and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u32,
-    /// Print JSON: what was added and how long each phase took
+    /// Print JSON with the added Gaussians, the times of all phases and the gain
     #[arg(long)]
     #[serde(skip)]
     json: bool,

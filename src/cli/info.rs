@@ -18,32 +18,33 @@ use crate::{
 const EXAMPLES: &str = "\
 Examples:
   glint info augmented.ply
-  glint info augmented.ply --plan --resolution 3840x2160 --half     what an engine will hold to draw it
+  glint info augmented.ply --plan --resolution 3840x2160 --half     memory that an engine needs to draw it
   glint info garden                                                a dataset";
 
-/// Show what a scene or a dataset holds
+/// Describe a scene or a dataset
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Scene, or folder or JSON file of a dataset: told apart by its contents
+    /// Scene, or folder or JSON file of a dataset; the contents decide
     #[arg(value_name = "SCENE|DATASET")]
     path: PathBuf,
     #[command(flatten)]
     lenient: SceneArgs,
     #[command(flatten)]
     dataset: DatasetArgs,
-    /// Of a scene, also what rendering compiles and stores, what it leaves out and why, and the memory that it takes
+    /// For a scene, also show the kernels, buffers and memory of rendering, and the parts that it leaves
+    /// out
     #[arg(long)]
     plan: bool,
-    /// Pixels of the plan's view
+    /// Size of the plan's view, pixels
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1080", value_parser = parse_size, requires = "plan")]
     resolution: Size,
-    /// Plan at half width
+    /// Plan with half precision
     #[arg(long, requires = "plan")]
     half: bool,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Print JSON; "kind" is "scene" or "dataset", and "plan" is in a scene where it was asked for
+    /// Print JSON; "kind" is "scene" or "dataset", and a scene has "plan" with --plan
     #[arg(long)]
     json: bool,
 }

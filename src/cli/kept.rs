@@ -26,11 +26,11 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 
 #[derive(Debug, clap::Args)]
 pub(super) struct KeepArgs {
-    /// Seconds between checkpoints of what is being learned
+    /// Seconds between checkpoints
     #[arg(long, value_name = "SECONDS", default_value_t = 60)]
     checkpoint_every: u64,
-    /// Begin anew where an earlier run was ended, whatever its options; its checkpoint is renamed to *.old. Without this the same command
-    /// resumes it
+    /// Start over even if there is a checkpoint, whatever its options; it is renamed to *.old. Without
+    /// this, the same command resumes from it
     #[arg(long)]
     restart: bool,
 }

@@ -59,26 +59,26 @@ use progress::{LogWriter, note};
 
 const EXAMPLES: &str = "\
 Examples:
-  glint demo                               the whole method on a built-in scene
+  glint demo                               train and augment a built-in scene
   glint train garden -o base.ply           train a base scene on a dataset
   glint enhance garden --base base.ply -o augmented.ply
-  glint eval augmented.ply garden          PSNR and SSIM of its test views
+  glint eval augmented.ply garden          PSNR and SSIM on its test photos
   glint view augmented.ply garden          look at it in a window
   glint render augmented.ply garden -o views
-  glint info augmented.ply                 what is in the file
-  glint convert base.ply base.spz          to what other programs read
-  glint export --html scene.html scene.ply a page that shows the scene in any browser
-  glint verify --quick                     does this device compute what it should?
+  glint info augmented.ply                 describe a scene or a dataset
+  glint convert base.ply base.spz          convert it for other programs
+  glint export --html scene.html scene.ply a page that shows it in any browser
+  glint verify --quick                     check that this device computes correctly
 
-A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
-such a JSON file. Every 8th photo by name is a test photo, unless the dataset says itself which are (transforms_test.json, \
-lists in transforms.json, test.txt) or --holdout does.
+A dataset is a folder with a COLMAP model (sparse/0 and images/), a folder with transforms.json or \
+transforms_train.json, or such a JSON file. Every 8th photo by name is a test photo, unless the dataset has its own \
+selection (transforms_test.json, lists in transforms.json, test.txt) or --holdout is given.
 
-Ctrl-C during training saves the scene so far; a second one quits at once.
+Ctrl-C during training saves the scene; a second Ctrl-C quits immediately.
 
-Exit codes: 0 success, 1 failure of the machine or device, 2 bad input or usage, 130 stopped by Ctrl-C. RUST_LOG overrides -v.";
+Exit codes: 0 success, 1 machine or device, 2 bad input or usage, 130 interrupted. RUST_LOG overrides -v.";
 
-/// Augmented radiance fields in Vulkan compute: 3D Gaussian scenes with view-dependent opacity lobes.
+/// Train, augment, view and convert 3D Gaussian scenes with Vulkan compute
 #[derive(Debug, Parser)]
 #[command(name = "glint", version, after_help = EXAMPLES, arg_required_else_help = true)]
 struct Cli {
@@ -245,18 +245,20 @@ fn with_hint(error: GpuError) -> GpuError {
 /// Options that select and configure the device.
 #[derive(Debug, Args)]
 struct DeviceArgs {
-    /// Vulkan device: an index of `glint devices` or a part of its name [default: the first discrete GPU, else any; or
-    /// what the variable GLINT_DEVICE says]
+    /// Vulkan device: an index from `glint devices` or a part of its name [default: the GLINT_DEVICE
+    /// variable, else the first discrete GPU, else any device]
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// Turn the Vulkan validation layers on, as the variable GLINT_VALIDATION does; what they find makes the command fail
+    /// Turn on Vulkan's validation layers, like the GLINT_VALIDATION variable; the command fails if they
+    /// report anything
     #[arg(long, hide = true)]
     validate: bool,
-    /// Replace a stage by its float64 twin, on the host and slowly: where that changes what is wrong, the driver
-    /// runs this stage wrongly. May be given several times
+    /// Run STAGE on the CPU in float64 (slow). If this fixes the output, the driver runs STAGE wrongly. May
+    /// be given several times
     #[arg(long = "twin", value_name = "STAGE", value_parser = parse_twin)]
     twins: Vec<Twin>,
-    /// Use the device even if it fails the check that its first run makes: sort, scan, a picture and a step against float64
+    /// Use the device even if it fails the check before its first use: sort, scan, an image and a training
+    /// step against float64
     #[arg(long, hide_short_help = true)]
     unchecked: bool,
 }
@@ -356,8 +358,8 @@ type Look<'a> = dyn FnMut(&Model, Arguments<'_>) + 'a;
 /// Options to watch a run in a window.
 #[derive(Debug, Args)]
 struct WatchArgs {
-    /// Show the scene in a window as it learns, drawn so seldom that the run takes less than a tenth longer; the same scene comes
-    /// out. Keys and mouse as in glint view; closing the window does not end the run
+    /// Show the scene in a window while training. The run takes less than a tenth longer; the result is
+    /// identical. Keys and mouse as in glint view; closing the window does not end the run
     #[cfg(feature = "view")]
     #[arg(long)]
     view: bool,
@@ -397,22 +399,22 @@ fn peak_memory() -> Option<u64> {
 /// Options for the precision and summation of gradients.
 #[derive(Debug, Args)]
 struct LearnArgs {
-    /// Guarantee bit-identical runs. Without this, gradients that do not fit the device's memory are summed by float atomics, in
-    /// any order, with a warning; with it, that is an error
+    /// Guarantee bit-identical runs: fail if gradients do not fit the device's memory. Without this option,
+    /// they are then summed by float atomics in any order, with a warning
     #[arg(long)]
     deterministic: bool,
-    /// Numbers that the optimiser keeps. `half` saves 176 of the 612 bytes of a Gaussian of degree 3 (240 of 788 where steps are Adam's);
-    /// over nine runs it neither cost nor gained quality
+    /// Precision of the optimizer's moments. `half` saves 176 of 612 bytes for each Gaussian of degree 3
+    /// (240 of 788 with Adam); over nine runs it neither gained nor lost quality
     #[arg(long, value_enum, default_value_t)]
     precision: Precision,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Precision {
-    /// Moments of a number as 32-bit floats
+    /// 32 bits for each moment of a parameter
     #[default]
     Full,
-    /// In 16 bits at most, rounded by a draw
+    /// At most 16 bits for each, rounded at random
     Half,
 }
 
@@ -428,8 +430,8 @@ impl LearnArgs {
 /// Options that affect rendering.
 #[derive(Debug, Clone, Copy, Args)]
 struct DrawArgs {
-    /// Fade Gaussians smaller than a pixel, so that the 0.3 px² of blur that every Gaussian gets adds no light: for scenes that
-    /// were trained so (gsplat's `antialiased`) [default: as the scene was trained, else not]
+    /// Fade Gaussians smaller than a pixel, so that the blur of 0.3 px² on every Gaussian adds no light
+    /// (gsplat's `antialiased` mode) [default: as the scene was trained, else off]
     #[arg(long, value_name = "YES", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
     compensate: Option<bool>,
 }
@@ -467,8 +469,8 @@ impl SplitArg {
 /// Options for reading scenes.
 #[derive(Debug, Args)]
 struct SceneArgs {
-    /// Drop invalid Gaussians (NaN, infinite opacity or scale, zero rotation) and report how many, instead of refusing the
-    /// file
+    /// Drop invalid Gaussians (NaN, infinite opacity or scale, zero rotation) and report their number,
+    /// instead of refusing the file
     #[arg(long)]
     lenient: bool,
 }

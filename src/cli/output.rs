@@ -16,7 +16,7 @@ use crate::{
 
 #[derive(Debug, clap::Args)]
 pub(super) struct OutputArgs {
-    /// Overwrite existing files; files that the command reads are never overwritten
+    /// Overwrite existing files, except files that the command reads
     #[arg(long)]
     force: bool,
 }

@@ -38,16 +38,16 @@ pub(super) const PAGE: &str = "index.html";
 pub(super) const NUMBERS: &str = "report.json";
 
 const EXAMPLES: &str = "\
-One page, DIR/index.html, that needs nothing beside it: for each photo the renders of all scenes under a slider, their errors, and \
-the diffuse and specular light of augmented ones; tables; and with --history work-precision curves. The first scene is what gains are \
-over. On datasets of glint synth the true diffuse and specular light stand beside those of every scene, with their PSNR. \
-DIR/report.json has the numbers.
+Writes a single page, DIR/index.html, without other files: for each photo the renders of all scenes with a slider, their \
+errors, and the diffuse and specular light of augmented scenes; tables; and with --history work-precision curves. Gains are \
+over the first scene. For datasets of glint synth, the page shows the true diffuse and specular light next to those of every \
+scene, with their PSNR. DIR/report.json has the numbers.
 
-A history file has a JSON object on each line: {\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}, \
-and \"base_psnr\" where it is known what the run began with. \
-Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread. --run adds \
-what `glint train --json` or `glint enhance --json` printed: the time of each stage, the memory, and of an augmentation its plan. It has \
-the name of the scene that it made.
+A history file has a JSON object on each line: \
+{\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}, and \"base_psnr\" if the PSNR of its \
+base is known. Lines with the same name and seed are one run; runs that differ in the seed are shown with their mean and \
+spread. --run adds the output of `glint train --json` or `glint enhance --json`: times of stages, memory, and the plan of an \
+augmentation, under the name of the scene that it made.
 
 Examples:
   glint report garden augmented=augmented.ply -o compared    # then open compared/index.html
@@ -70,22 +70,23 @@ fn parse_named(text: &str) -> Result<Named, String> {
     }
 }
 
-/// Show scenes of a dataset beside its photos, on one page
+/// Compare scenes with a dataset's photos on one page
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Folder or JSON file of the dataset
     dataset: PathBuf,
-    /// Scenes, each after its name
+    /// Scenes, each with a name
     #[arg(value_name = "NAME=SCENE", value_parser = parse_named, required = true)]
     scenes: Vec<Named>,
-    /// Folder of the page; made if it is not there
+    /// Output folder for the page; created if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Measurements of runs, JSON lines, for the curves. May be given several times
+    /// Measurements of runs as JSON lines, for curves. May be given several times
     #[arg(long, value_name = "FILE")]
     history: Vec<PathBuf>,
-    /// What `glint train --json` or `glint enhance --json` printed, for its times, memory and plan. May be given several times
+    /// Output of `glint train --json` or `glint enhance --json`, for times, memory and plan. May be given
+    /// several times
     #[arg(long, value_name = "FILE", alias = "plan")]
     run: Vec<PathBuf>,
     /// Photos to compare with

@@ -45,15 +45,15 @@ mod course;
 mod first;
 
 const EXAMPLES: &str = "\
-Gaussians start at the dataset's sparse points, or at random points if there are none. --strategy says how they go on: where \
-photos are not yet met there are more, up to --gaussians, and transparent ones go. Only training photos are used.
+Gaussians start at the dataset's sparse points, or at random points if there are none. The default --strategy adds more where \
+errors are large, up to --gaussians, and moves transparent ones there. Only training photos are used.
 
-What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
-base.ply). The same command resumes there, gives the same scene as an uninterrupted run, and removes it in the end. \
-With --time it goes on for the time that was left. --restart begins anew and renames the checkpoint to base.checkpoint.safetensors.old.
+A checkpoint is saved next to the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for base.ply). \
+The same command resumes from it, gives the same scene as an uninterrupted run, and removes it at the end. With --time it \
+resumes for the time that was left. --restart starts over and renames the checkpoint to base.checkpoint.safetensors.old.
 
---eval-every writes base.history.jsonl beside base.ply, a JSON object on each line (what glint report --history reads, and step and loss), \
-and base.history/step-NNNNNN.png: the first test photo, its render and their error.
+--eval-every writes base.history.jsonl next to base.ply, with a JSON object on each line (the fields of glint report \
+--history, step and loss), and base.history/step-NNNNNN.png: the first test photo, its render and its error.
 
 Examples:
   glint train garden -o base.ply
@@ -82,63 +82,66 @@ pub(super) struct Args {
     /// Folder or JSON file of the dataset
     #[serde(skip)]
     dataset: PathBuf,
-    /// PLY file to write
+    /// Output PLY file
     #[arg(short, long, value_name = "PLY")]
     #[serde(skip)]
     output: PathBuf,
-    /// Steps, one photo each
+    /// Number of steps, one photo each
     #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST)))]
     iterations: u32,
-    /// Time in place of a number of steps: 90s, 5m, 1.5h. Reading photos is part of it. How many steps there will be follows from how long
-    /// they take, and all schedules end with the last. What --eval-every takes comes on top. Two runs differ
+    /// Train for this time instead of a number of steps: 90s, 5m, 1.5h, including the reading of photos.
+    /// glint derives the number of steps from their duration, and all schedules end with the last step.
+    /// Evaluations by --eval-every come on top. Two runs differ
     #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "iterations")]
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "in_seconds")]
     time: Option<Duration>,
-    /// Compare with the test photos after every N steps and at the end
+    /// Evaluate on the test photos after every N steps and at the end
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     #[serde(skip)]
     eval_every: Option<u32>,
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
-    /// How colours depend on the direction of view
+    /// Color model
     #[arg(long, value_enum, default_value_t)]
     #[serde(skip_serializing_if = "is_default")]
     color: ColorArg,
-    /// Number of Gaussians at the start: a random subset if there are more sparse points, random points if there are no
-    /// sparse ones. Fewer are faster [default: all sparse points, or random ones: a quarter of --gaussians, or one for each pixel of the
-    /// largest photo, at most 25000; four times as many where the strategy is not budget]
+    /// Number of Gaussians at the start: a random subset of the sparse points, or random points if there
+    /// are none. Fewer train faster [default: all sparse points; without any, a quarter of --gaussians, or
+    /// one for each pixel of the largest photo, at most 25000; four times as many random ones if the
+    /// strategy is not budget]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Begin with what a file holds in place of the dataset's points: a PLY of points (and their colours), or the Gaussians of any scene or
-    /// checkpoint, which then learn on
+    /// Start from this file instead of the dataset's points: a PLY of points (and their colors), or the
+    /// Gaussians of any scene or checkpoint
     #[arg(long, value_name = "FILE")]
     #[serde(skip)]
     init: Option<PathBuf>,
     #[command(flatten)]
     #[serde(skip)]
     lenient: SceneArgs,
-    /// Gaussians at most, at the start too; the default strategy ends with as many [default: four times those of the start, but one for 16
-    /// pixels of the training photos at most and one for 256 at least, and no more than find room in memory; with --strategy fixed and of a
-    /// scene that --init names as many as there are]
+    /// Maximum number of Gaussians; the default strategy grows to this number [default: 4× the initial
+    /// number, clamped to between one per 256 and one per 16 training pixels, and to the device's memory;
+    /// the initial number with --strategy fixed or a scene as --init]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
-    /// How Gaussians are pruned and multiplied
+    /// Strategy that prunes and multiplies Gaussians
     #[arg(long, value_enum, default_value_t)]
     strategy: Strategy,
-    /// Learn an affine map of colours for each training photo beside the scene, for photos of changing exposure or white balance. Their
-    /// mean stays the identity; test photos, eval and render have none
+    /// Learn an affine color map for each training photo, for photos of changing exposure or white balance.
+    /// The mean of all maps stays the identity; test photos, eval and render use none
     #[arg(long)]
     exposure: bool,
-    /// Begin with photos whose sides are halved so many times, which takes less time: a quarter of their sides until 30 % of the run, half
-    /// until 70 % [default: 2, as far as longer sides keep 128 pixels; 0 with mcmc and adc]
+    /// Train on downscaled photos at first, with sides halved up to N times: for 2, a quarter of their
+    /// sides until 30 % of the run, half until 70 % [default: 2, as far as longer sides keep 128 pixels; 0
+    /// with mcmc and adc]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=HALVED_UNTIL.len() as i64))]
     #[serde(skip)]
     halvings: Option<u32>,
-    /// Seed of the random points and of the order of photos; the same seed and device give the same scene
+    /// Seed of random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Print JSON: what was done, how fast, and the device time of each stage
+    /// Print JSON with the counts, the speed and the device time of each stage
     #[arg(long)]
     #[serde(skip)]
     json: bool,
@@ -171,7 +174,7 @@ enum ColorArg {
     /// Spherical harmonics of --sh-degree
     #[default]
     Sh,
-    /// Two spherical betas, as DBS; with --strategy mcmc or adc
+    /// Two spherical betas, as in DBS; needs --strategy mcmc or adc
     Sb,
 }
 
