@@ -35,7 +35,7 @@ pub(super) fn check(context: &Context, options: &ContextOptions, unchecked: bool
     let stages: BTreeSet<&str> = broken.iter().map(|row| row.stage).collect();
     let info = context.info();
     let text = format!(
-        "{} ({}) computes wrongly: {} differ from float64 by more than they may",
+        "{} ({}) computes wrongly: {} differ from float64 beyond their bounds",
         info.name,
         info.driver,
         stages.into_iter().collect::<Vec<_>>().join(", ")
@@ -84,7 +84,7 @@ fn write(file: &Path, passed: &BTreeSet<String>) {
     let lines: String = passed.iter().map(|line| format!("{line}\n")).collect();
     let written = file.parent().is_some_and(|folder| fs::create_dir_all(folder).is_ok());
     if !written || write_text(file, &lines).is_err() {
-        tracing::info!("the device passed its check, which {} cannot remember", file.display());
+        tracing::info!("the device passed its check, but {} cannot be written to remember it", file.display());
     }
 }
 

@@ -102,7 +102,7 @@ impl SaveArgs {
         let mut format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
         if let Some(version) = self.spz_version {
             if format.version.is_none() {
-                return Err(Error::Usage(format!("{}: --spz-version is of .spz files", output.display())));
+                return Err(Error::Usage(format!("{}: --spz-version is only for .spz files", output.display())));
             }
             format.version = Some(version);
         }
@@ -113,7 +113,7 @@ impl SaveArgs {
         let kept = format.greatest_sh_degree;
         if let Some(degree) = color::of(file.scene.base.sh_degree).harmonics.filter(|&degree| degree > kept) {
             note(format!(
-                "{}: colour that depends on the view is not kept (harmonics of degree {} to {degree})",
+                "{}: view-dependent color is not stored (harmonics of degree {} to {degree})",
                 output.display(),
                 kept + 1
             ));
@@ -220,8 +220,8 @@ impl Report {
         let (before, now) = (megabytes(self.input_bytes), megabytes(self.output_bytes));
         let _ = write!(text, ", {colour}, {now:.3} MB of {before:.3}");
         let _ = match self.psnr {
-            Some(psnr) if psnr.is_infinite() => write!(text, ", renders as the input does"),
-            Some(psnr) => write!(text, ", renders {psnr:.2} dB from those of the input"),
+            Some(psnr) if psnr.is_infinite() => write!(text, ", renders are identical to the input's"),
+            Some(psnr) => write!(text, ", renders at {psnr:.2} dB against the input's"),
             None => Ok(()),
         };
         text + "\n"
@@ -230,7 +230,7 @@ impl Report {
 
 fn unknown(output: &Path) -> Error {
     let endings = SceneFormat::endings(|_| true);
-    Error::input(output, format!("has no ending that says what to write, expected one of {endings}"))
+    Error::input(output, format!("has no known ending, expected one of {endings}"))
 }
 
 fn check_lobes(file: &SceneFile, format: SceneFormat, output: &Path) -> Result<()> {
@@ -238,7 +238,8 @@ fn check_lobes(file: &SceneFile, format: SceneFormat, output: &Path) -> Result<(
         Some(supplement) if !format.keeps_lobes => {
             let (count, keep) = (supplement.gaussians.len(), SceneFormat::endings(|format| format.keeps_lobes));
             let what = format!(
-                "this format has no place for the scene's {count} Gaussians with lobes; --base-only leaves them out, {keep} keep them"
+                "this format cannot store the scene's {count} Gaussians with lobes; leave them out with --base-only, \
+                 or write one of {keep}"
             );
             Err(Error::input(output, what))
         }

@@ -95,8 +95,9 @@ pub(super) fn check_sight(dataset: &Dataset, origin: DVec3, gaussians: &[[f32; 3
     let (seeing, all) = (dataset.seeing(origin, gaussians), dataset.split(Split::Train).count());
     if seeing == 0 && !gaussians.is_empty() {
         return Err(Error::Usage(format!(
-            "no training photo sees a Gaussian: all {} are behind the cameras, beside their pictures, or nearer than the near plane, \
-             {NEAR} scene units (the cameras stand within {:.3e} of their middle); is the dataset scaled, or the scene another's?",
+            "no training photo sees a Gaussian: all {} are behind the cameras, outside their images, or nearer than \
+             the near plane at {NEAR} scene units (the cameras are within {:.3e} of their middle); check the dataset's \
+             scale, and that the scene belongs to it",
             gaussians.len(),
             dataset.extent() / 1.1
         )));
@@ -130,8 +131,8 @@ pub(super) fn note_foreign_base(scene: &Path, losses: &[f64]) {
 
 fn note_if_foreign(scene: &Path, found: std::fmt::Arguments<'_>) {
     note(format!(
-        "{} has {found} on these photos, as a scene of another dataset has: check the dataset, its scale and --background, and --max-size \
-         and --compensate, which must be as in training",
+        "{} has {found} on these photos, like a scene of another dataset: check the dataset, its scale and \
+         --background; --max-size and --compensate must be as in training",
         scene.display()
     ));
 }
@@ -170,7 +171,7 @@ pub(super) fn settled<T: PartialEq>(
     {
         let (scene, given, trained) = (scene.display(), text(given), text(trained));
         note(format!(
-            "{scene} was trained with {option} {trained}, and here it is {given}: figures are not of the same thing"
+            "{scene} was trained with {option} {trained}, but {given} is given here: figures are not comparable"
         ));
     }
     given.or(trained)
@@ -221,7 +222,7 @@ impl PhotoArgs {
         });
         if self.max_size.is_none() && reduced.clone().next().is_some() {
             note(format!(
-                "{} of {} photos are reduced to {max_size} pixels on the longer side; --max-size sets another limit",
+                "{} of {} photos are downscaled to {max_size} pixels on the longer side; --max-size sets another limit",
                 reduced.count(),
                 dataset.photos.len()
             ));

@@ -323,7 +323,7 @@ impl Args {
             ]);
         }
         format!(
-            "{table}\n{}: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
+            "{table}\n{}: {:+.2} dB over its base, {:+.2} dB over plain Gaussians of the same number and steps\n\
              placing {:.1} s, joint phase {:.1} s\n{}: {BASE}, {AUGMENTED}, {PAGE}\n",
             report.rows[4].what,
             report.gain_over_base,

@@ -97,7 +97,8 @@ pub(super) struct ChoiceArgs {
     /// Rounds of the screen phase of --method augs [default: paper; demo: quick]
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// Transmittance below which a pixel's depth is taken; the authors' release uses 0.7
+    /// Take a pixel's depth at the first point with a transmittance below this, 0.01 to 0.99; the authors'
+    /// release uses 0.7
     #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share)]
     depth_threshold: f32,
     /// Take a pixel's depth at the center of its median Gaussian, instead of at the Gaussian's maximum
@@ -135,7 +136,7 @@ impl ChoiceArgs {
                 ("--bias-correction", self.bias_correction),
             ];
             if let Some((name, _)) = of_augs.into_iter().find(|(_, given)| *given) {
-                return Err(Error::Usage(format!("{name} is a choice of --method augs")));
+                return Err(Error::Usage(format!("{name} needs --method augs")));
             }
         }
         let preset = match (method, self.preset.unwrap_or(preset)) {
@@ -322,7 +323,7 @@ impl Args {
         }
         let colors = color::of(file.scene.base.sh_degree);
         if colors.harmonics.is_none() {
-            return Err(Error::input(&self.base, format!("has {}, expected a base of harmonics", colors.name)));
+            return Err(Error::input(&self.base, format!("has {}, expected a base with harmonics", colors.name)));
         }
         Ok(file)
     }
@@ -375,9 +376,9 @@ impl Args {
         }
         if ended {
             let (output, steps) = (report.output, found.steps);
-            let on = if kept.is_some() { ", and the same command resumes there" } else { "" };
+            let on = if kept.is_some() { "; run the same command to resume" } else { "" };
             return Err(Ended::Interrupted(format!(
-                "ended after {joint_steps} of {steps} joint steps; {output} has what was learned in them{on}"
+                "interrupted after {joint_steps} of {steps} joint steps; {output} has their result{on}"
             )));
         }
         Ok(())
@@ -395,7 +396,7 @@ impl Args {
         let mut gain = match gain(session, scene, found, dataset, views) {
             // The augmentation stands even if it cannot be measured.
             Err(error @ Error::Input { .. }) => {
-                note(format!("what was gained on the test photos is not known: {error}"));
+                note(format!("the gain on the test photos is unknown: {error}"));
                 None
             }
             judged => judged?,
@@ -405,8 +406,8 @@ impl Args {
         let discarded = self.asks_for_nothing() && change < -WORSE_DB;
         if discarded {
             note(format!(
-                "the test photos are {:.2} dB worse than the base alone has them, so the base is what was written; a \
-                 budget (--ratio, --bytes, --time) is spent whatever they say",
+                "the augmented scene is {:.2} dB worse on the test photos than the base, so the base was written; with \
+                 a budget (--ratio, --bytes, --time) the augmented scene is written in any case",
                 -change
             ));
             write_ply(&self.output, scene, None, trained_with)?;
@@ -473,7 +474,7 @@ impl Args {
         if self.method == Method::Augs {
             let of_pursuit = [("--bytes", self.bytes.is_some()), ("--time", self.time.is_some())];
             if let Some((name, _)) = of_pursuit.into_iter().find(|(_, given)| *given) {
-                return Err(Error::Usage(format!("{name} is a choice of --method pursuit")));
+                return Err(Error::Usage(format!("{name} needs --method pursuit")));
             }
             return Ok(EnhanceOptions { ratio: self.ratio.unwrap_or(options.ratio), ..options });
         }
@@ -506,9 +507,9 @@ fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
         let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.below_training_on, p.beyond));
         note(match (below, beyond) {
             _ if budget == 0 => "nothing was added: the budget is less than one Gaussian",
-            (0, 0) => "nothing was added: no view had anything left that more Gaussians made better",
-            (0, _) => "nothing was added: the budget has no room for what would gain something",
-            _ => "nothing was added: training on gains more than Gaussians do; the scene is as it was",
+            (0, 0) => "nothing was added: no candidate gains anything",
+            (0, _) => "nothing was added: no candidate that gains something fits the budget",
+            _ => "nothing was added: longer training gains more than Gaussians do; the scene is unchanged",
         });
     }
 }

@@ -76,7 +76,7 @@ impl Args {
         let dataset = photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
         if scene.supplement.is_none() {
-            note(format!("{} has no supplement: lobes are not compiled, the base is the whole", self.scene.display()));
+            note(format!("{} has no supplement: its base is the whole scene", self.scene.display()));
         }
         let lpips = self.lpips.as_ref().map(Lpips::read).transpose()?;
         let augmented = scene.supplement.is_some();

@@ -18,7 +18,8 @@ use crate::{
 const EXAMPLES: &str = "\
 The page needs a browser with WebGPU or WebGL2 and nothing else: no network, no other files. It shows the base, the Gaussians \
 with lobes or both, from any side, and from the cameras of the dataset if one is given. Positions are 32-bit floats, all else \
-has 16, 15 or 8 bits: 80 bytes for a Gaussian of SH degree 3, and 16 more for a lobe. Encoding as text adds a third.
+has 16, 15 or 8 bits: 80 bytes for a Gaussian of SH degree 3, 96 with a lobe, or 48 with a lobe and a single color. Encoding \
+as text adds a third.
 
 Settings after # in the page's address, joined by &, select its initial state: camera=NAME (or 18 numbers with commas between: \
 width, height, fx, fy, cx, cy, the rotation from world to camera by rows, the translation), show=both|base|supplement, \

@@ -116,7 +116,7 @@ impl<'a> History<'a> {
         };
         for line in text.lines() {
             let value: Value = serde_json::from_str(line)
-                .map_err(|error| Error::input(&self.path, format!("is no history, expected JSON lines: {error}")))?;
+                .map_err(|error| Error::input(&self.path, format!("is not a history, expected JSON lines: {error}")))?;
             // Steps after the checkpoint are evaluated again.
             if value["step"].as_u64().is_some_and(|at| at <= step.into()) {
                 self.lines += line;
@@ -138,7 +138,7 @@ impl<'a> History<'a> {
     /// written together with the missing ones.
     pub(super) fn add(&mut self, scene: &Scene, moment: Moment, options: RenderOptions) -> Result<()> {
         let Moment { step, seconds, bytes, loss } = moment;
-        let progress = Progress::new("looking", "views", self.photos.len() as u64);
+        let progress = Progress::new("evaluating", "views", self.photos.len() as u64);
         let mut first = None;
         let found = evaluate(self.context, scene, &self.photos, options, self.background, |view| {
             progress.advance();
@@ -171,7 +171,7 @@ impl<'a> History<'a> {
         });
         match line.and(picture) {
             Err(error @ Error::Io { .. }) if !self.warned => {
-                note(format!("what the test photos say cannot be kept: {error}"));
+                note(format!("the evaluation cannot be saved: {error}; the run continues"));
                 self.warned = true;
             }
             Err(Error::Io { .. }) => {}

@@ -39,7 +39,7 @@ pub(super) struct Args {
     /// Size of the plan's view, pixels
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1080", value_parser = parse_size, requires = "plan")]
     resolution: Size,
-    /// Plan with half precision
+    /// Plan a model of half width
     #[arg(long, requires = "plan")]
     half: bool,
     #[command(flatten)]
@@ -204,13 +204,13 @@ fn dataset_text(dataset: &DatasetSummary) -> String {
     if dataset.undistorted > 0 {
         let outside = 100.0 * dataset.outside;
         let text = format!(
-            "taken out of {}, {outside:.1} % of one at most does not count",
+            "removed from {}; at most {outside:.1} % of one does not count",
             counted(dataset.undistorted, "photo")
         );
         lines.add("distortion", text);
     }
     if dataset.masked > 0 {
-        lines.add("masks", format_args!("of {}", counted(dataset.masked, "photo")));
+        lines.add("masks", counted(dataset.masked, "photo"));
     }
     lines.add("extent", format_args!("{:.4} scene units", dataset.extent));
     if let (Some(center), Some(radius)) = (dataset.focus_center, dataset.focus_radius) {

@@ -86,19 +86,19 @@ impl Kept {
             Found::Nothing => Ok(None),
             Found::Sound(checkpoint) => {
                 let at = if checkpoint.step > 0 { format!(" after step {}", checkpoint.step) } else { String::new() };
-                note(format!("{}: resuming{at}; --restart begins anew", path.display()));
+                note(format!("{}: resuming{at}; --restart starts over", path.display()));
                 Ok(Some(checkpoint))
             }
             Found::Foreign(why) => {
                 let what = format!(
-                    "this is the checkpoint of another run: {why}; the options of before resume it, --restart begins anew and renames it \
-                     to {}",
+                    "this is the checkpoint of another run: {why}; resume it with its own options, or start over \
+                     with --restart, which renames it to {}",
                     old.file_name().unwrap_or_default().to_string_lossy()
                 );
                 Err(Error::input(path, what))
             }
             Found::Damaged(error) => {
-                note(format!("{error}; all steps are done again"));
+                note(format!("{error}; the run starts over"));
                 Ok(None)
             }
         }
@@ -129,7 +129,7 @@ impl Kept {
                     return Err(error);
                 }
                 if !self.warned {
-                    note(format!("what was learned so far cannot be kept: {error}"));
+                    note(format!("the checkpoint cannot be saved: {error}; the run continues"));
                 }
                 self.warned = true;
                 Ok(false)
@@ -141,8 +141,8 @@ impl Kept {
     pub(super) fn keep_after(&mut self, error: Error, checkpoint: Result<Checkpoint>) -> Error {
         let kept = matches!(self.keep(checkpoint), Ok(true));
         if kept || self.path.exists() {
-            let what = if kept { "what was learned until now" } else { "the last checkpoint" };
-            note(format!("{what} is in {}: the same command resumes there", self.path.display()));
+            let what = if kept { "the current state" } else { "the last checkpoint" };
+            note(format!("{what} is in {}: run the same command to resume", self.path.display()));
         }
         error
     }

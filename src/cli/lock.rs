@@ -39,11 +39,11 @@ impl Lock {
                 // The previous holder has removed the file meanwhile.
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
-                    let what = "another run that is going on writes here; expected its end, or another name";
+                    let what = "another glint process is writing here; wait for it, or choose another output";
                     return Err(Error::input(of, what));
                 }
                 Err(TryLockError::Error(error)) => {
-                    tracing::debug!("{}: {error}: nothing keeps another run away", path.display());
+                    tracing::debug!("{}: {error}: no lock, so another run may write here too", path.display());
                     return Ok(Lock { path, held: None });
                 }
             }
@@ -86,8 +86,8 @@ mod tests {
         let refused = |of: &Path| Lock::take(of).err().unwrap().to_string();
         let (first, other) = (Lock::take(&output).unwrap(), Lock::take(&folder.path().join("other.ply")).unwrap());
         let inside = Lock::take(folder.path()).unwrap();
-        assert!(refused(&output).contains("another run that is going on"));
-        assert!(refused(folder.path()).contains("another run"));
+        assert!(refused(&output).contains("another glint process is writing here"));
+        assert!(refused(folder.path()).contains("another glint process"));
         drop((first, other, inside));
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         // The lock file of a killed run does not block.

@@ -160,15 +160,15 @@ fn told(failure: Failure) -> (String, u8) {
         #[cfg(feature = "view")]
         Failure::NoWindow(why) => (
             format!(
-                "no window can be opened: {why} (expected a desktop of X11, or of Wayland with Xwayland, named by DISPLAY)"
+                "no window can be opened: {why} (expected an X11 desktop, or Wayland with Xwayland, named by DISPLAY)"
             ),
             1,
         ),
         Failure::Interrupted(what) => (what, interrupt::EXIT_CODE),
         Failure::Device(what) => (
             format!(
-                "{what}; choose another device or driver (glint devices), see all errors (glint verify), let twins stand in for wrong \
-                 stages (--twin), or use it anyway (--unchecked)"
+                "{what}; choose another device or driver (glint devices), list all errors (glint verify), replace \
+                 wrong stages by twins (--twin), or use it anyway (--unchecked)"
             ),
             1,
         ),
@@ -210,7 +210,7 @@ fn unexpanded(arguments: impl Iterator<Item = OsString>) -> Option<String> {
     let path = arguments.into_iter().find_map(literal)?;
     let rest = path.trim_start_matches('~');
     Some(format!(
-        "{path}: the shell has not replaced `~`, which is quoted or follows a `=`; write \"$HOME{rest}\" instead"
+        "{path}: the shell has not expanded `~`, because it is quoted or follows a `=`; write \"$HOME{rest}\" instead"
     ))
 }
 
@@ -231,7 +231,7 @@ fn log(verbose: u8, quiet: bool) {
 
 /// Adds a hint to errors about a missing driver.
 fn with_hint(error: GpuError) -> GpuError {
-    let hint = "install your GPU's Vulkan driver, or for a CPU alone Mesa's (on Debian and Ubuntu: apt install \
+    let hint = "install your GPU's Vulkan driver, or Mesa's to run on the CPU (on Debian and Ubuntu: apt install \
                 mesa-vulkan-drivers)";
     match error {
         GpuError::NoDevice(why) => GpuError::NoDevice(format!("{why}: {hint}")),
@@ -487,7 +487,7 @@ impl SceneArgs {
         // Reading a folder would give an I/O error, which blames the machine.
         if path.is_dir() && !data::is_scene_folder(path) {
             let what =
-                "is a folder, expected a scene's file (where both are arguments, the scene comes before the dataset)";
+                "is a folder, expected a scene file (if both are arguments, the scene comes before the dataset)";
             return Err(Error::input(path, what));
         }
         let tell = |file: &SceneFile| file.notes.iter().for_each(|text| note(format!("{}: {text}", path.display())));
@@ -505,7 +505,7 @@ impl SceneArgs {
             let all = file.scene.base.len() + file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
             let dropped = base + supplementary;
             let path = path.display();
-            note(format!("{path}: {dropped} of {} Gaussians dropped, the first for this: {first}", all + dropped));
+            note(format!("{path}: {dropped} of {} Gaussians dropped; the first error is: {first}", all + dropped));
         }
         Ok(file)
     }
@@ -554,7 +554,7 @@ mod tests {
             [&["train", "~/garden"][..], &["train", "x", "-o", "~/a.ply"], &["--init=~/a.ply"], &["a=~/s.ply"], &["~"]]
         {
             let what = found(arguments).unwrap();
-            assert!(what.contains("has not replaced `~`") && what.contains("\"$HOME"), "{what}");
+            assert!(what.contains("has not expanded `~`") && what.contains("\"$HOME"), "{what}");
         }
         assert!(found(&["~/garden"]).unwrap().contains("write \"$HOME/garden\""));
         assert_eq!(found(&["train", "a~/b", "~x", "a=b~", "/home/~/x"]), None);

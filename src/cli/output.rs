@@ -77,7 +77,7 @@ impl OutputArgs {
         if !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension)) {
             let name = path.with_extension(extension);
             let name = name.file_name().unwrap_or_default().to_string_lossy();
-            return Err(Error::input(path, format!("{what} is written here, expected a name such as {name}")));
+            return Err(Error::input(path, format!("the output is {what}, expected a name such as {name}")));
         }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         writable(folder)
@@ -93,7 +93,8 @@ impl OutputArgs {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             let stem = name.split_once('.').map_or(&name[..], |(stem, _)| stem);
             let what = format!(
-                "a PLY scene is written here, expected a name such as {stem}.ply; then `glint convert {stem}.ply {name}` makes the other file"
+                "the output is a PLY scene, expected a name such as {stem}.ply; then `glint convert {stem}.ply {name}` \
+                 makes the other file"
             );
             return Err(Error::input(path, what));
         }
@@ -106,12 +107,9 @@ impl OutputArgs {
             return Err(Error::input(path, "exists and is not a folder, expected a folder to write to"));
         }
         if Identity::of(path).is_some_and(|folder| inputs.folders.contains(&folder)) {
-            return Err(Error::input(
-                path,
-                "is a folder that the dataset's photos are read from, expected another one",
-            ));
+            return Err(Error::input(path, "is a folder of the dataset's photos, expected another output folder"));
         }
-        fs::create_dir_all(path).map_err(|error| Error::input(path, format!("the folder cannot be made: {error}")))?;
+        fs::create_dir_all(path).map_err(|error| Error::input(path, format!("the folder cannot be created: {error}")))?;
         writable(path).map_err(|error| Error::input(path, format!("cannot be written to: {error}")))?;
         clear(path);
         Ok(())
@@ -135,9 +133,9 @@ impl OutputArgs {
     fn check_replaced(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         match Identity::of(path) {
             Some(file) if inputs.files.contains(&file) => {
-                Err(Error::input(path, "is what this command reads, so it is not written over; expected another name"))
+                Err(Error::input(path, "this command reads it and never overwrites its inputs; expected another name"))
             }
-            Some(_) if !self.force => Err(Error::input(path, "is there already; --force replaces it")),
+            Some(_) if !self.force => Err(Error::input(path, "already exists; --force overwrites it")),
             _ => Ok(()),
         }
     }
@@ -170,13 +168,13 @@ fn judge_room(path: &Path, free: u64, [bytes, beside]: [u64; 2]) -> Result<Optio
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     let (need, more, have) = (megabytes(bytes), megabytes(beside), megabytes(free));
     if free < bytes {
-        let what = format!("takes {need:.1} MB, and its disk has {have:.1} MB left");
+        let what = format!("needs {need:.1} MB, but its disk has {have:.1} MB left");
         return Err(Error::io(path, IoError::new(ErrorKind::StorageFull, what)));
     }
     Ok((free < bytes.saturating_add(beside)).then(|| {
         format!(
-            "{}: its disk has {have:.1} MB left, enough for the scene's {need:.1}, but not for {more:.1} MB of checkpoints and pictures \
-             meanwhile: what is learned may not be kept before the end",
+            "{}: its disk has {have:.1} MB left, enough for the scene ({need:.1} MB), but not for {more:.1} MB of \
+             checkpoints and pictures; the run continues, but may not be able to save checkpoints",
             path.display()
         )
     }))
@@ -232,6 +230,6 @@ mod tests {
             "{said}"
         );
         assert_eq!(judge(8_000_000), Ok(None));
-        assert!(judge(1_900_000).unwrap_err().contains("takes 2.0 MB"));
+        assert!(judge(1_900_000).unwrap_err().contains("needs 2.0 MB"));
     }
 }

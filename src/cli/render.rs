@@ -141,7 +141,7 @@ impl Args {
                 let what = "looks the same from everywhere (SH degree 0, no supplement), so it has no specular part";
                 return Err(Error::Usage(format!("{path}: {what}; render its color")).into());
             }
-            (None, What::Base) => note(format!("{path} has no supplement: its base is all there is")),
+            (None, What::Base) => note(format!("{path} has no supplement: its base is the whole scene")),
             _ => {}
         }
         let (shots, inputs) = self.shots(&photos)?;
@@ -189,7 +189,7 @@ impl Args {
             return Ok(((1..).zip(cameras).map(shot).collect(), inputs.scene(path)));
         }
         let Some(dataset) = &self.dataset else {
-            return Err(Error::Usage("a dataset or --path is needed, whose cameras are used".into()));
+            return Err(Error::Usage("expected a dataset or --path, for the cameras".into()));
         };
         let dataset = photos.open(dataset)?;
         // Named over all photos, so that a photo's file has the same name for every split.

@@ -115,7 +115,7 @@ impl Args {
             self.scenes.iter().enumerate().find(|(i, a)| self.scenes[..*i].iter().any(|b| a.name == b.name))
         {
             return Err(
-                Error::Usage(format!("two scenes are called `{}`, expected a name for each", twice.1.name)).into()
+                Error::Usage(format!("two scenes are named `{}`, expected different names", twice.1.name)).into()
             );
         }
         let files = self.scenes.iter().map(|named| self.lenient.open_file(&named.path)).collect::<Result<Vec<_>>>()?;
@@ -165,7 +165,7 @@ fn read_run(path: &Path, scenes: &[Named]) -> Result<Run> {
     }
     let text = fs::read(path).map_err(|e| Error::io(path, e))?;
     let Printed { output, seconds, plan, stages, device_megabytes } = serde_json::from_slice(&text).map_err(|e| {
-        Error::input(path, format!("is not what `glint train --json` or `glint enhance --json` prints: {e}"))
+        Error::input(path, format!("is not the output of `glint train --json` or `glint enhance --json`: {e}"))
     })?;
     let phases = match seconds {
         Seconds::All(seconds) => vec![("training".into(), seconds)],

@@ -54,7 +54,7 @@ impl Args {
             SynthOptions { views: self.views, size: self.size, points: self.points as usize, seed: self.seed.into() };
         self.replace.check_files(&self.output, options.files().iter().map(String::as_str), &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
-        note(format!("{} photos of {} × {} pixels are traced", self.views, self.size, self.size));
+        note(format!("tracing {} photos of {} × {} pixels", self.views, self.size, self.size));
         let scene = self.name.photograph(&options)?;
         scene.write(&self.output)?;
         Ok(print(format_args!(

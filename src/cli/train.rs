@@ -282,7 +282,7 @@ impl Args {
             note(format!("SH degree {sh_degree}: bands {} are not stored", bands.join(", ")));
         }
         if dataset.extent() as f32 == 0.0 {
-            note("all training cameras stand at one place, which gives no scale: positions are not learned");
+            note("all training cameras are at one place, which gives no scale: positions do not learn");
         }
     }
 
@@ -393,10 +393,8 @@ impl Args {
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
         if halvings > 0 {
-            tracing::info!(
-                "photos are seen with sides halved {} at first",
-                if halvings == 1 { "once" } else { "twice" }
-            );
+            let times = if halvings == 1 { "once" } else { "twice" };
+            tracing::info!("training starts on photos with sides halved {times}");
         }
         let bytes = u64::from(most) * self.learning_bytes();
         tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(bytes));
@@ -426,9 +424,9 @@ impl Args {
         }
         if now >= began + left {
             let passed = (now - began).as_secs_f64();
-            let what = "expected more, as a scene takes hundreds of steps";
+            let what = "expected more time, since a scene takes hundreds of steps";
             return Err(Error::Usage(format!(
-                "--time {time:?}: no time is left for a step, as {passed:.1} s were over before the first; {what}"
+                "--time {time:?}: no time is left for a step, because {passed:.1} s passed before the first; {what}"
             )));
         }
         Ok(Deadline::new(now, began + left))
@@ -444,7 +442,7 @@ impl Args {
             return Ok(());
         }
         if self.strategy.is_newton() {
-            return Err(Error::Usage("--color sb learns by Adam's steps: expected --strategy mcmc or adc".into()));
+            return Err(Error::Usage("--color sb needs Adam: expected --strategy mcmc or adc".into()));
         }
         if self.sh_degree != BaseOptions::default().sh_degree {
             return Err(Error::Usage("--color sb has no harmonics: --sh-degree is for --color sh".into()));
@@ -466,7 +464,7 @@ impl Args {
                 return Ok(());
             }
             let what = format!(
-                "{option} {n}: the device's memory holds {fit} Gaussians, {bytes} bytes each; expected no more"
+                "{option} {n}: the device's memory holds {fit} Gaussians of {bytes} bytes; expected no more than that"
             );
             Err(Error::Usage(what).into())
         })

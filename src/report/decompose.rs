@@ -82,7 +82,7 @@ pub fn judge(parts: &Decomposition, diffuse: &[u8], specular: &[u8], mask: Optio
         let error = (0..n).filter(counts).map(square).sum::<f64>() / counted as f64;
         // Without pixels the mean is NaN, too.
         if error.is_nan() {
-            return Err(Error::Usage(format!("{name}: no pixel counts, or the render is not a number")));
+            return Err(Error::Usage(format!("{name}: no pixel counts, or the render is NaN")));
         }
         Ok(10.0 * error.recip().log10())
     };

@@ -144,8 +144,8 @@ pub fn evaluate_parts(
 ) -> Result<PartsEvaluation> {
     let missing = |photo: &Photo, part: &str| {
         Error::Usage(format!(
-            "photo `{}` has no true {part} part: expected an image of its name in a folder {part} beside the photos' own, as glint \
-             synth writes them",
+            "photo `{}` has no true {part} part: expected an image of its name in a folder {part} next to the photos' \
+             folder, as glint synth writes them",
             photo.name
         ))
     };

@@ -59,7 +59,7 @@ pub fn read_history(path: impl AsRef<Path>) -> Result<Vec<Record>> {
         .map(|(i, line)| {
             let fail = |what: String| Error::input(path, format!("line {}: {what}", i + 1));
             let record: Record =
-                serde_json::from_str(line).map_err(|error| fail(format!("is no record, expected JSON: {error}")))?;
+                serde_json::from_str(line).map_err(|error| fail(format!("is not a record, expected JSON: {error}")))?;
             if record.seconds < 0.0 {
                 return Err(fail(format!("`seconds` is {}, expected 0 or more", record.seconds)));
             }

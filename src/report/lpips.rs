@@ -230,7 +230,7 @@ impl Lpips {
             }
             let [Some(image), Some(truth)] = [next(&both[0]), next(&both[1])] else {
                 return Err(Error::Usage(format!(
-                    "images of {} × {} pixels are too small for LPIPS, whose network has nothing left to compare",
+                    "images of {} × {} pixels are too small for LPIPS: the windows of its network do not fit",
                     pair.width, pair.height
                 )));
             };

@@ -158,7 +158,7 @@ impl Pair<'_> {
         }
         if let Some(i) = self.image.iter().position(|v| v.is_nan()) {
             let (x, y) = (i / 3 % self.width as usize, i / 3 / self.width as usize);
-            return Err(Error::Usage(format!("the image to compare is not a number at pixel ({x}, {y})")));
+            return Err(Error::Usage(format!("the image to compare is NaN at pixel ({x}, {y})")));
         }
         Ok(counted)
     }

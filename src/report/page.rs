@@ -104,11 +104,11 @@ pub fn page(title: &str, truths: &[Truth], entries: &[Entry], history: &[Record]
     ))
 }
 
-const EXPLAINED: &str = "PSNR and SSIM are of unquantised renders, clamped to 0 to 1, against the photographs; grey pixels are left \
-    out by a mask. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale).";
+const EXPLAINED: &str = "PSNR and SSIM compare renders, not quantized and clamped to between 0 and 1, with the \
+    photos; a mask leaves out gray pixels. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale).";
 
-const PARTS_EXPLAINED: &str = "Diffuse is what the base's constant colours give, specular the rest of the light; where the true parts are \
-    known, PSNR of both in linear light stands with them.";
+const PARTS_EXPLAINED: &str = "Diffuse light comes from the base's constant colors; specular light is the rest. If the \
+    true parts are known, PSNR of both in linear light is given.";
 
 /// Tables wider than the window have their own scroll bar, with a fixed first column.
 const STYLE: &str = "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222;background:#fff}h1{font-size:1.3rem}\
@@ -227,13 +227,13 @@ fn work_precision(curves: &[Curve<'_>]) -> Result<String> {
         Cost::ALL.into_iter().partition(|&cost| curves.iter().any(|curve| curve.goes_over(cost)));
     if !left.is_empty() {
         let left: Vec<&str> = left.into_iter().map(Cost::title).collect();
-        let _ = writeln!(out, "<p>No plot over {}: no run goes from one number to another.</p>", left.join(" or "));
+        let _ = writeln!(out, "<p>No plot over {}: no run has more than one value.</p>", left.join(" or "));
     }
     if drawn.is_empty() {
         return Ok(out);
     }
-    out += "<p>A curve goes through what was measured while a run went on, or through runs of several lengths. Pale lines are seeds, \
-            strong ones the means of their measurements by number, bars the least and the largest.</p>\n<div class=\"curves\">";
+    out += "<p>A curve connects measurements during a run, or runs of several lengths. Pale lines are seeds, \
+            strong lines the means of their k-th measurements, bars minimum and maximum.</p>\n<div class=\"curves\">";
     for (gain, &cost) in Gain::ALL.into_iter().flat_map(|gain| drawn.iter().map(move |cost| (gain, cost))) {
         out += &plot(curves, cost, gain)?;
     }

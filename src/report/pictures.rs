@@ -90,7 +90,7 @@ pub fn data_of(picture: &RgbImage) -> Result<String> {
     } else {
         ("png", picture.write_with_encoder(PngEncoder::new(&mut bytes)))
     };
-    encoded.map_err(|error| Error::Usage(format!("a picture of {width} × {height} cannot be shown: {error}")))?;
+    encoded.map_err(|error| Error::Usage(format!("a picture of {width} × {height} cannot be encoded: {error}")))?;
     Ok(format!("data:image/{kind};base64,{}", STANDARD.encode(bytes)))
 }
 

@@ -78,7 +78,7 @@ pub struct RenderPlan {
 }
 
 impl RenderPlan {
-    /// Plan for one view of `width` × `height` pixels, in half precision if `half`.
+    /// Plan for one view of `width` × `height` pixels, of half width if `half`.
     ///
     /// # Errors
     /// [`Error::Usage`](crate::Error::Usage) if such a view is impossible.
@@ -137,10 +137,10 @@ impl RenderPlan {
         features.extend([
             match half {
                 true => {
-                    feature("half width", true, "colours are 16-bit floats, rotations and scales packed".into(), halved)
+                    feature("half width", true, "colors are 16-bit floats, rotations and scales packed".into(), halved)
                 }
                 false => {
-                    feature("half width", false, "all numbers are 32-bit floats; --half shows the other".into(), halved)
+                    feature("half width", false, "all numbers are 32-bit floats; --half changes that".into(), halved)
                 }
             },
             match supplementary {
@@ -155,7 +155,7 @@ impl RenderPlan {
             feature(
                 "background image",
                 false,
-                "one colour, or blended over the target".into(),
+                "one color, or blended over the target".into(),
                 16 * i64::from(width) * i64::from(height),
             ),
             feature("moments of what learns", false, "nothing learns while it is rendered".into(), {

@@ -30,7 +30,7 @@ pub const PHASES: [(&str, &str); 6] = [
     ("base", "renders of the base"),
     ("weigh", "weighing"),
     ("place", "placing"),
-    ("screen", "2D phase"),
+    ("screen", "screen phase"),
     ("lift", "inverse splatting"),
     ("join", "joint phase"),
 ];
@@ -66,7 +66,7 @@ pub fn html(runs: &[Run]) -> Option<String> {
         let seconds = |run: &Run| run.phases.iter().find(|(name, _)| name == phase).map(|(_, seconds)| *seconds);
         rows += &row(runs, &format!("{phase} [s]"), 1, seconds);
     }
-    rows += &row(runs, "held on the device at most [MB]", 1, |run| run.device_megabytes);
+    rows += &row(runs, "peak device memory [MB]", 1, |run| run.device_megabytes);
     let all = |run: &Run| run.stages.iter().map(|stage| stage.milliseconds_per_step).sum::<f64>();
     rows += &row(runs, "a step on the device [ms]", 3, |run| Some(all(run)).filter(|all| *all > 0.0));
     let names: String = runs.iter().map(|run| format!("<th>{}</th>", escape(&run.name))).collect();
@@ -125,7 +125,7 @@ mod tests {
             "<th>more &amp; more</th><th>other</th>",
             "<td>a&lt;b [s]</td><td>3.2</td><td></td>",
             "<td>joint phase [s]</td><td></td><td>3.2</td>",
-            "<td>held on the device at most [MB]</td><td>12.3</td><td></td>",
+            "<td>peak device memory [MB]</td><td>12.3</td><td></td>",
             "<td>a step on the device [ms]</td><td>4.000</td><td>0.500</td>",
             "<details>",
             "<td>blend</td><td>3.000</td><td></td>",

@@ -6,7 +6,10 @@ use super::{
     html::escape,
     table::{Cell, Column, Table},
 };
-use crate::pipelines::spend::{Spending, Spent};
+use crate::{
+    data::counted,
+    pipelines::spend::{Spending, Spent},
+};
 
 /// Table of gains for each use of the budget.
 fn table(plan: &Spending) -> Table {
@@ -39,7 +42,7 @@ fn table(plan: &Spending) -> Table {
     }
     if let Some(gain) = plan.training_on_db {
         let per_second = plan.training_on_db_per_second.map_or(Cell::Absent, Cell::Number);
-        let name = format!("training on, {} steps", plan.steps).into();
+        let name = format!("longer training, {} steps", plan.steps).into();
         let nothing = || Cell::Absent;
         table.row([name, nothing(), nothing(), gain.into(), nothing(), nothing(), per_second]);
     }
@@ -56,24 +59,25 @@ fn sentences(plan: &Spending) -> [String; 3] {
         more => format!(", the rest in {more} later placements"),
     };
     let does = if plan.placed() == 0 {
-        format!("at most {gaussians_allowed} Gaussians{bytes} may be added; none is, and the scene stays as it is")
+        format!("at most {gaussians_allowed} Gaussians{bytes} may be added; none is, and the scene is unchanged")
     } else {
         format!(
-            "at most {gaussians_allowed} Gaussians{bytes} may be added: {} now{later}; all learn for {steps} steps",
-            plan.placed()
+            "at most {gaussians_allowed} Gaussians{bytes} may be added: {} now{later}; then everything learns for {}",
+            plan.placed(),
+            counted(steps as usize, "step")
         )
     };
     let mut reasons = vec![format!("{} that gain nothing in all photos together or overlap better ones", plan.no_gain)];
     if plan.least_db_per_thousand > 0.0 {
         let least = plan.least_db_per_thousand;
         let below = plan.below_training_on;
-        reasons.push(format!("{below} that gain less than training on as long would ({least:.3} dB a thousand)"));
+        reasons.push(format!("{below} that gain less than longer training would ({least:.3} dB a thousand)"));
     }
     if plan.beyond > 0 {
         reasons.push(format!("{} beyond the budget of the first placement", plan.beyond));
     }
     let left_out = format!("left out of {} candidates: {}", plan.drawn, reasons.join(", "));
-    let gains = "gains are of the training photos as they are now, before anything learns".to_owned();
+    let gains = "gains are predictions on the training photos, before anything learns".to_owned();
     [does, left_out, gains]
 }
 
@@ -133,16 +137,16 @@ mod tests {
             "62.500",
             "0.750",
             "0.016",
-            "training on, 600 steps",
+            "longer training, 600 steps",
             "0.125",
             "left out of 120 candidates: 111 that gain nothing",
-            "3 that gain less than training on as long would (0.500 dB a thousand)",
+            "3 that gain less than longer training would (0.500 dB a thousand)",
             "2 beyond the budget",
         ] {
             assert!(said.contains(part), "`{part}` is not in: {said}");
         }
         let none = Spending { lobes: Spent { placed: 0, ..spent }, training_on_db: None, ..plan.clone() };
-        assert!(text(&none).contains("none is, and the scene stays as it is") && !text(&none).contains("training on,"));
+        assert!(text(&none).contains("the scene is unchanged") && !text(&none).contains("longer training,"));
         assert!(html(&plan).contains("the same without lobes") && html(&plan).contains("<p>left out of 120"));
     }
 }

@@ -87,7 +87,7 @@ impl Viewer<'_> {
     pub fn page(&self) -> Result<String> {
         let colors = color::of(self.scene.base.sh_degree);
         if colors.harmonics.is_none() {
-            return Err(Error::Usage(format!("a page has no place for {}, expected harmonics", colors.name)));
+            return Err(Error::Usage(format!("a page cannot show {}, expected harmonics", colors.name)));
         }
         let start = [("start", overview(self.scene))];
         let cameras = if self.cameras.is_empty() { &start[..] } else { &self.cameras };
@@ -115,7 +115,7 @@ impl Viewer<'_> {
             let all = count_of(self.scene);
             let most = all * LONGEST / longest;
             return Err(Error::Usage(format!(
-                "the scene has {all} Gaussians, and browsers take a page of {most} of its SH degree at most"
+                "the scene has {all} Gaussians, but browsers open pages with at most {most} of its SH degree"
             )));
         }
         let (vertex, fragment) = shaders();

@@ -228,7 +228,7 @@ impl Augmentation<'_> {
         let now = Instant::now();
         let deadline = self.clock.get_or_insert_with(|| Deadline::of(now, end, steps, step));
         if deadline.is_over(now) && step < steps {
-            note(format!("the time was over after {step} of {steps} joint steps"));
+            note(format!("the time ended after {step} of {steps} joint steps"));
             self.enhancer.stop(self.views)?;
             return Ok(true);
         }

@@ -145,20 +145,21 @@ impl Report<'_> {
         let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = self;
         let times = match method {
             Method::Pursuit => format!("weighing {:.1} s, placing {:.1} s", seconds.weigh, seconds.place),
-            Method::Augs => format!("2D phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
+            Method::Augs => format!("screen phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
         };
         let plain = match self.plain_gaussians {
             0 => String::new(),
-            plain => format!(" and {plain} plain ones"),
+            plain => format!(" and {}", counted(plain as usize, "plain Gaussian")),
         };
         let faded = match self.faded_gaussians {
             0 => String::new(),
             faded => format!(", without {faded} that faded"),
         };
-        let discarded = if self.discarded { " were made and discarded: it is the base as it was" } else { "" };
+        let discarded = if self.discarded { ", discarded: the file has the original base" } else { "" };
         format!(
-            "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}{discarded}\n\
+            "{output}: {}{plain} on a base of {base_gaussians}{faded}{discarded}\n\
              base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
+            counted(*supplementary_gaussians as usize, "supplementary Gaussian"),
             seconds.base,
             seconds.join,
             gain.as_ref().map_or(String::new(), Gain::text)
@@ -226,8 +227,8 @@ impl Gain {
     fn text(&self) -> String {
         let Gain { views, before, after, base_alone, longer_training } = self;
         let longer = longer_training.map_or(String::new(), |Longer { psnr, measured }| {
-            let how = if measured { "measured" } else { "estimated from its first steps, training views" };
-            format!("longer training in its place, as many steps: {psnr:+.2} dB ({how})\n")
+            let how = if measured { "measured" } else { "estimated from its first steps, on the training views" };
+            format!("longer training instead, same number of steps: {psnr:+.2} dB ({how})\n")
         });
         format!(
             "{}: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\

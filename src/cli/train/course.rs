@@ -94,14 +94,12 @@ impl At {
         if self.is_going_on() {
             let part = 100.0 * f64::from(done) / f64::from(total);
             note(format!(
-                "the time was over after {part:.0} % of the schedule: the last steps were slower than estimated"
+                "the time ended after {part:.0} % of the schedule: the last steps were slower than estimated"
             ));
         }
         if (taken as usize) < photos {
             let (steps, photos) = (counted(taken as usize, "step"), counted(photos, "photo"));
-            note(format!(
-                "there was time for {steps} only, and there are {photos}: the scene has hardly begun to learn"
-            ));
+            note(format!("there was time for only {steps}, but there are {photos}: the scene is hardly trained"));
         }
     }
 }
@@ -296,7 +294,7 @@ impl Training<'_> {
             stages: StageMean::all(&stages),
         };
         if let Some(largest) = largest_exposure {
-            note(format!("exposure: the photos' colour maps differ from none by at most {largest:.3}"));
+            note(format!("exposure: the photos' color maps differ from the identity by at most {largest:.3}"));
         }
         match args.json {
             true => print_json(&report)?,
@@ -307,7 +305,7 @@ impl Training<'_> {
             let of = args.time.map_or(format!(" of {}", at.total), |_| String::new());
             let (taken, output) = (at.taken, report.output);
             let what = format!(
-                "ended after {taken}{of} steps; {output} has what was learned in them, and the same command resumes there"
+                "interrupted after {taken}{of} steps; {output} has their result; run the same command to resume"
             );
             return Err(Failure::Interrupted(what));
         }

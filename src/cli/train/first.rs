@@ -56,7 +56,7 @@ impl First {
             return None;
         }
         self.most = fit.max(first);
-        Some(format!("at most {} Gaussians, as many as find room in the device's memory", self.most))
+        Some(format!("at most {} Gaussians, because the device's memory holds no more", self.most))
     }
 }
 
@@ -104,7 +104,7 @@ impl Args {
             (Some(file), None) => {
                 let cloud = read_points(file, &mut notes)?;
                 if cloud.positions.is_empty() {
-                    return Err(Error::input(file, "has no points to begin with"));
+                    return Err(Error::input(file, "has no points to start from"));
                 }
                 dataset.points = Some(cloud);
                 "points in the file"
@@ -116,10 +116,10 @@ impl Args {
                     return Err(Error::input(file, what));
                 }
                 if self.points.is_some() {
-                    return Err(Error::input(file, "holds Gaussians, and --points is for points"));
+                    return Err(Error::input(file, "holds Gaussians, but --points is only for points"));
                 }
                 if base.is_empty() {
-                    return Err(Error::input(file, "has no Gaussians to begin with"));
+                    return Err(Error::input(file, "has no Gaussians to start from"));
                 }
                 if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
                     let left = left.gaussians.len();
@@ -128,7 +128,7 @@ impl Args {
                 let [had, has] = [base.sh_degree, self.degree()].map(color::of);
                 if base.sh_degree != 0 && !had.shares_with(has) {
                     let (had, has) = (had.name, has.name);
-                    notes.push(format!("{}: of its {had} only the constant is kept, for {has}", file.display()));
+                    notes.push(format!("{}: only the constant of its {had} is used, for {has}", file.display()));
                 }
                 let gaussians = base.with_degree(self.degree());
                 // The file's author chose their number.
@@ -156,8 +156,8 @@ impl Args {
         let far = (origin != DVec3::ZERO).then(|| {
             let [x, y, z] = origin.to_array();
             format!(
-                "the cameras stand far from the world's origin: positions count from ({x}, {y}, {z}), which the file says in a comment \
-                 that glint reads; to other programs the scene lies at the origin"
+                "the cameras are far from the world's origin: positions count from ({x}, {y}, {z}). The file stores \
+                 this in a comment that glint reads; other programs show the scene at the origin"
             )
         });
         let said = match (first.sparse, self.points) {
@@ -185,7 +185,7 @@ fn grey_if_all_are_black(cloud: &mut PointCloud, points: &str) -> Option<String>
         return None;
     }
     cloud.colors.fill(GREY);
-    Some(format!("all {points} have the colour {one:?}, as points without colours have: they begin grey"))
+    Some(format!("all {points} have the color {one:?}, like points without colors: they start gray"))
 }
 
 #[cfg(test)]
@@ -207,7 +207,7 @@ mod tests {
             |colors: &[[u8; 3]]| PointCloud { positions: vec![[0.0; 3]; colors.len()], colors: colors.to_vec() };
         let mut black = cloud(&[[0; 3]; 3]);
         let note = grey_if_all_are_black(&mut black, "sparse points").unwrap();
-        assert!(black.colors == [GREY; 3] && note.contains("all sparse points have the colour [0, 0, 0]"), "{note}");
+        assert!(black.colors == [GREY; 3] && note.contains("all sparse points have the color [0, 0, 0]"), "{note}");
         assert!(grey_if_all_are_black(&mut cloud(&[[31, 0, 9]; 2]), "points").is_some());
         for colors in [&[[0; 3], [0, 0, 1]][..], &[[32, 0, 0]; 3], &[[255; 3]; 2], &[GREY; 2], &[]] {
             let mut known = cloud(colors);

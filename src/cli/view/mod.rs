@@ -112,10 +112,10 @@ fn parse_axis(text: &str) -> Result<DVec3, String> {
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         if !self.device.twins.is_empty() {
-            return Err(Error::Usage("--twin: twins stand in for no stage of a window's frames".into()).into());
+            return Err(Error::Usage("--twin does not work in a window; use glint render".into()).into());
         }
         if !self.output.is_dir() {
-            return Err(Error::input(&self.output, "expected a folder, for screenshots and camera paths").into());
+            return Err(Error::input(&self.output, "is not a folder, expected a folder for screenshots").into());
         }
         writable(&self.output).map_err(|error| Error::input(&self.output, format!("cannot be written to: {error}")))?;
         let SceneFile { scene, trained_with, .. } = self.lenient.open_file(&self.scene)?;

@@ -153,9 +153,9 @@ impl Scenery {
     pub(super) fn lacks(&self, model: &Model, mode: Mode, at_photo: bool) -> Option<&'static str> {
         let drawn = matches!(mode, Mode::Photograph | Mode::Augmented | Mode::Base);
         match (mode, self.counts) {
-            (_, None) if !drawn => Some("glint view shows that once the scene is written"),
+            (_, None) if !drawn => Some("not shown during training: use glint view afterwards"),
             (Mode::Photograph | Mode::Error, _) if !at_photo => {
-                Some("no photograph was taken from here: n and p go to one's camera")
+                Some("no photograph was taken from here: n and p jump to the camera of one")
             }
             (Mode::Supplement, Some([_, 0])) => Some("the scene has no supplement"),
             (Mode::Specular, Some([_, 0])) if model.sh_degree == 0 => {

@@ -33,7 +33,7 @@ const SHARE: u32 = 12;
 /// Opens a window and does `work` on its device. The window may be closed before the work is done.
 pub(super) fn run<T>(desk: &Desk<'_>, work: impl FnOnce(&Context, &mut Look<'_>) -> Outcome<T>) -> Outcome<T> {
     if !desk.device.twins.is_empty() {
-        return Err(Error::Usage("--twin: twins stand in for no stage on a window's device (--view)".into()).into());
+        return Err(Error::Usage("--twin does not work in a window: leave out --view".into()).into());
     }
     let mut events = EventLoop::new().map_err(|error| no_window(&error))?;
     let mut opening = Opening { desk, opened: None };
@@ -102,7 +102,7 @@ impl Watch<'_> {
         match shown.look(self.desk, model, progress) {
             Ok(true) => {}
             Ok(false) => {
-                note("the window was closed, the run goes on");
+                note("the window was closed; the run continues");
                 self.shown = None;
             }
             Err(failure) => {
@@ -110,7 +110,7 @@ impl Watch<'_> {
                     Failure::Error(error) => error.to_string(),
                     other => format!("{other:?}"),
                 };
-                note(format!("the window was closed, the run goes on: {why}"));
+                note(format!("the window was closed; the run continues: {why}"));
                 self.shown = None;
             }
         }

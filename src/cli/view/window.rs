@@ -442,7 +442,7 @@ impl Open {
     /// Jumps to the camera of the photo `by` positions further.
     fn turn_to(&mut self, photos: &[Photo], by: usize) {
         if photos.is_empty() {
-            return self.say("there are no photographs: glint view SCENE DATASET has them");
+            return self.say("there are no photographs: use glint view SCENE DATASET");
         }
         let next = match self.photo {
             Some(i) => (i + by) % photos.len(),

@@ -11,8 +11,8 @@ class Painter {
     constructor(canvas, scene, wanted) {
         const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, powerPreference: "high-performance" });
         if (!gl) {
-            throw new Error("This page needs WebGL2, which this browser does not offer, or not on this machine. It may help to turn on " +
-                "hardware acceleration in the browser's settings, or to take another browser.");
+            throw new Error("This page needs WebGL2, which this browser does not offer on this machine. Turn on " +
+                "hardware acceleration in the browser's settings, or use another browser.");
         }
         this.name = "WebGL2";
         this.gl = gl;
@@ -82,12 +82,12 @@ class Painter {
             gl.compileShader(shader);
             gl.attachShader(program, shader);
             if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) {
-                throw new Error(`The shader ${id} is refused by this machine's driver: ${gl.getShaderInfoLog(shader)}`);
+                throw new Error(`This machine's driver rejects the shader ${id}: ${gl.getShaderInfoLog(shader)}`);
             }
         }
         gl.linkProgram(program);
         if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
-            throw new Error(`The shaders are refused by this machine's driver: ${gl.getProgramInfoLog(program)}`);
+            throw new Error(`This machine's driver rejects the shaders: ${gl.getProgramInfoLog(program)}`);
         }
         // Caches the locations of uniforms.
         const places = new Map();
@@ -151,7 +151,7 @@ class Painter {
         gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.image, 0);
         if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE && !gl.isContextLost()) {
             // Some devices offer an extension without supporting it.
-            if (this.format === gl.RGBA8) throw new Error("This machine draws to no image.");
+            if (this.format === gl.RGBA8) throw new Error("This machine cannot draw to an image.");
             [this.precision, this.format] = this.precision === "float" ? ["half", gl.RGBA16F] : ["bytes", gl.RGBA8];
             this.sized = [0, 0];
             this.resize(width, height);

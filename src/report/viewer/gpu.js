@@ -15,12 +15,12 @@ class GpuPainter {
      */
     static async make(canvas, scene, wanted, asked) {
         const adapter = navigator.gpu && await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
-        if (!adapter) throw new Error("this browser does not offer WebGPU, or not on this machine.");
+        if (!adapter) throw new Error("this browser does not offer WebGPU on this machine.");
         if (adapter.info?.isFallbackAdapter && !asked) throw new Error("this browser's WebGPU runs without a graphics device.");
         const { maxBufferSize, maxStorageBufferBindingSize, maxTextureDimension2D } = adapter.limits;
         const most = Math.min(maxBufferSize, maxStorageBufferBindingSize);
         const largest = Math.max(BYTES_OF_SPLAT * scene.count, scene.harmonics ? scene.harmonics.byteLength : 0);
-        if (largest > most) throw new Error(`the scene's ${scene.count} Gaussians need ${largest} bytes in one piece, and there are ${most}.`);
+        if (largest > most) throw new Error(`the scene's ${scene.count} Gaussians need ${largest} bytes in one buffer, more than ${most}.`);
         const floats = wanted === "float" && adapter.features.has("float32-blendable");
         const device = await adapter.requestDevice({
             requiredLimits: { maxBufferSize, maxStorageBufferBindingSize, maxTextureDimension2D },
@@ -74,7 +74,7 @@ class GpuPainter {
         const module = async (id) => {
             const made = device.createShaderModule({ code: element(id).textContent });
             const wrong = (await made.getCompilationInfo()).messages.find(({ type }) => type === "error");
-            if (wrong) throw new Error(`the shader ${id} is refused: ${wrong.message} (line ${wrong.lineNum}).`);
+            if (wrong) throw new Error(`the shader ${id} is rejected: ${wrong.message} (line ${wrong.lineNum}).`);
             return made;
         };
         const compute = (module, entryPoint, constants, layout) =>
@@ -127,9 +127,9 @@ class GpuPainter {
     /** Attaches the painter to the canvas. */
     show(canvas) {
         this.context = canvas.getContext("webgpu");
-        if (!this.context) throw new Error("this browser offers WebGPU, but not to draw on a page.");
+        if (!this.context) throw new Error("this browser offers WebGPU, but cannot draw on a page with it.");
         const { RENDER_ATTACHMENT, COPY_SRC } = GPUTextureUsage;
-        this.device.onuncapturederror = ({ error }) => say(`The graphics device does not draw this: ${error.message}`);
+        this.device.onuncapturederror = ({ error }) => say(`The graphics device cannot draw this: ${error.message}`);
         this.context.configure({ device: this.device, format: this.format, usage: RENDER_ATTACHMENT | COPY_SRC, alphaMode: "opaque" });
     }
 

@@ -13,7 +13,7 @@ const RENDERERS = ["webgpu", "webgl2"];
 const PER_PIXEL = 0.006; // radians of a turn for each pixel dragged
 const PER_NOTCH = 0.0012; // change in the logarithm of the distance for each pixel of the wheel
 
-const LOST = "The browser has taken the graphics device away; it may give it back.";
+const LOST = "The browser has lost the graphics device; it may restore it.";
 
 const element = (id) => document.getElementById(id);
 
@@ -50,7 +50,9 @@ function wishes(scene) {
     const show = asked.get("show") || "both";
     if (!SHOWS.includes(show)) throw new Error(`#show=${show}: expected ${SHOWS.join(", ")}.`);
     const size = asked.get("size");
-    if (size !== null && !/^[1-9]\d{0,4}x[1-9]\d{0,4}$/.test(size)) throw new Error(`#size=${size}: expected such as 640x480.`);
+    if (size !== null && !/^[1-9]\d{0,4}x[1-9]\d{0,4}$/.test(size)) {
+        throw new Error(`#size=${size}: expected a size such as 640x480.`);
+    }
     const precision = asked.get("precision") || "half";
     if (!PRECISIONS.includes(precision)) throw new Error(`#precision=${precision}: expected ${PRECISIONS.join(", ")}.`);
     const renderer = asked.get("renderer") || "";
@@ -162,7 +164,7 @@ async function interactive(scene, wish) {
         // The previous order is drawn until the next one arrives.
         if (order && wanted !== sorted && order.request(view.rowZ, scene.near, ...rangeOf(scene, show))) sorted = wanted;
         await painter.draw(view, background, rangeOf(scene, show));
-        const which = order ? `before the camera, sorted in ${sortTime.toFixed(1)} ms` : "seen, sorted with each frame";
+        const which = order ? `in front of the camera, sorted in ${sortTime.toFixed(1)} ms` : "seen, sorted with each frame";
         element("status").textContent = `${painter.count} of ${scene.count} Gaussians ${which}; ` +
             `${width} x ${height} pixels, drawn by ${painter.name}, blended as ${painter.precision}`;
     }
