@@ -541,7 +541,7 @@ fn a_scene_that_learns_is_seen_and_learns_the_same() {
         let output = run::finish(child);
         let text = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{text}");
-        assert_eq!(text.contains("the window was closed, the run goes on"), closed, "{text}");
+        assert_eq!(text.contains("the window was closed; the run continues"), closed, "{text}");
         let bytes = |name: &str| fs::read(folder.join(name)).unwrap();
         assert!(bytes("seen.ply") == bytes(&format!("{name}.ply")), "{name}");
     }

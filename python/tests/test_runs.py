@@ -84,7 +84,7 @@ def test_a_run_waits_for_whoever_takes_its_steps_and_ends_with_them(folder, phot
     time.sleep(1.0)
     # One step is ready and one on its way.
     assert next(run).step <= step.step + 3 * 16
-    with pytest.raises(g.InputError, match="another run that is going on writes here"):
+    with pytest.raises(g.InputError, match="another glint process is writing here"):
         next(g.train(photos, folder / "left.ply", **TRAIN))
     del run
     assert (folder / "left.ply").exists() and (folder / "left.checkpoint.safetensors").exists()

@@ -1,4 +1,5 @@
-//! The program that runs a command in place of a terminal: it gets progress, notes and reports, and asks for an end by a flag.
+//! Connects a command to the program that embeds it: the program gets events and can request a stop by a
+//! flag.
 
 use std::{
     cell::{Cell, RefCell},
@@ -11,58 +12,59 @@ use std::{
     thread,
 };
 
-/// What a command tells while it runs.
+/// Event that a command sends while it runs.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// A sentence that the command line prints to stderr.
     Note(String),
-    /// How far a phase is.
+    /// Progress of a phase.
     Phase(Phase),
-    /// How far training or a joint phase is.
+    /// Progress of training or of a joint phase.
     Step(Step),
 }
 
-/// How far a phase is.
+/// Progress of a phase.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Phase {
-    /// What is done, for example "reading".
+    /// Name of the phase, for example "reading".
     pub name: &'static str,
-    /// What is counted, for example "photos".
+    /// Unit that is counted, for example "photos".
     pub unit: &'static str,
-    /// How many are done.
+    /// Units done.
     pub done: u64,
-    /// Of how many.
+    /// Units in all.
     pub total: u64,
 }
 
-/// How far training or a joint phase is.
+/// Progress of training or of a joint phase.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// Steps that are done, those of earlier runs included.
+    /// Steps done, including those of earlier runs.
     pub step: u32,
-    /// Of how many, as far as is known.
+    /// Steps in all, as far as is known.
     pub steps: u32,
     /// Mean loss and PSNR \[dB\] of the last pass through the photos; `None` before the first step of a run.
     pub lately: Option<[f64; 2]>,
-    /// Gaussians in all.
+    /// Number of Gaussians.
     pub gaussians: u32,
-    /// Since the first step of this run.
+    /// Time since the first step of this run, seconds.
     pub seconds: f64,
 }
 
-/// Who gets the events, and how they ask for an end.
+/// Receiver of events, with the flag that stops the command.
 pub struct Listener {
-    /// Gets events, on the thread that runs the command.
+    /// Receives events, on the thread that runs the command.
     pub tell: Box<dyn FnMut(Event)>,
-    /// Set to ask for an end. A run that learns then writes its scene and checkpoint, as after Ctrl-C; anything else ends with nothing done.
+    /// Set it to stop the command. A training run then writes its scene and checkpoint, as after Ctrl-C;
+    /// any other command ends without output.
     pub stop: Arc<AtomicBool>,
 }
 
-/// The listener of the command that runs on this thread.
+/// Listener of the command that runs on this thread.
 struct Caller {
     tell: RefCell<Box<dyn FnMut(Event)>>,
     stop: Arc<AtomicBool>,
-    /// A loop looks at `stop` and ends by itself.
+    /// Whether a loop polls `stop` and ends by itself.
     listening: Cell<bool>,
     printed: RefCell<String>,
 }
@@ -75,10 +77,10 @@ fn caller() -> Option<Rc<Caller>> {
     CALLER.with_borrow(Clone::clone)
 }
 
-/// Unwinds a command that is asked to end.
+/// Panic payload that unwinds a stopped command.
 pub(super) struct Stopped;
 
-/// Does `work` with a listener on this thread. Returns what it printed, and the panic if it ended by one.
+/// Does `work` with a listener on this thread. Returns the printed text, and the panic if one ended `work`.
 pub(super) fn hear<T>(listener: Listener, work: impl FnOnce() -> T) -> (String, thread::Result<T>) {
     let Listener { tell, stop } = listener;
     let caller = Rc::new(Caller { tell: tell.into(), stop, listening: Cell::default(), printed: RefCell::default() });
@@ -88,26 +90,27 @@ pub(super) fn hear<T>(listener: Listener, work: impl FnOnce() -> T) -> (String, 
     (caller.printed.take(), result)
 }
 
-/// Whether a program is told in place of a terminal.
+/// Whether a program receives the events of this thread.
 pub(super) fn is_embedded() -> bool {
     caller().is_some()
 }
 
-/// Hands the caller what goes to stdout elsewhere.
+/// Collects text that goes to stdout on the command line.
 pub(super) fn print(text: &str) {
     if let Some(caller) = caller() {
         caller.printed.borrow_mut().push_str(text);
     }
 }
 
-/// Hands the caller a note.
+/// Sends a note to the caller.
 pub(super) fn note(text: String) {
     if let Some(caller) = caller() {
         (caller.tell.borrow_mut())(Event::Note(text));
     }
 }
 
-/// Tells the caller how far a phase is. If an end is asked for and no loop listens, the command ends here.
+/// Reports the progress of a phase to the caller. If a stop was requested and no loop polls for it, this
+/// unwinds the command.
 pub(super) fn phase(phase: Phase) {
     if let Some(caller) = caller() {
         (caller.tell.borrow_mut())(Event::Phase(phase));
@@ -117,19 +120,19 @@ pub(super) fn phase(phase: Phase) {
     }
 }
 
-/// Tells the caller how far a run is.
+/// Reports the progress of a run to the caller.
 pub(super) fn step(step: Step) {
     if let Some(caller) = caller() {
         (caller.tell.borrow_mut())(Event::Step(step));
     }
 }
 
-/// Tells that from now on a loop ends by itself when an end is asked for, or no longer does; whether there is a caller.
+/// Sets whether a loop polls for the stop flag from now on. Returns whether there is a caller.
 pub(super) fn listen(listening: bool) -> bool {
     caller().map(|caller| caller.listening.set(listening)).is_some()
 }
 
-/// Whether the caller asks for an end.
+/// Whether the caller requested a stop.
 pub(super) fn asked() -> bool {
     caller().is_some_and(|caller| caller.stop.load(Ordering::Relaxed))
 }

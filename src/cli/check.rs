@@ -1,4 +1,4 @@
-//! Checks a device once before anything is computed on it, and remembers that it passed.
+//! Checks a device before its first use, and remembers that it passed.
 
 use std::{
     collections::BTreeSet,
@@ -16,10 +16,10 @@ use crate::{
     verify,
 };
 
-/// Compares the stages that everything rests on with their twins, unless this device, driver and glint passed before. With `unchecked` a
-/// failure is a warning.
+/// Compares the core stages with their twins, unless this device, driver and glint passed before. With
+/// `unchecked`, a failure is only a warning.
 pub(super) fn check(context: &Context, options: &ContextOptions, unchecked: bool) -> Outcome {
-    // Twins stand in for stages of this run alone.
+    // With twins, a pass counts for this run only.
     let file = if options.twins.is_empty() { file_by(cfg!(windows), |name| env::var_os(name)) } else { None };
     let (mut passed, line) = (file.as_deref().map(read).unwrap_or_default(), line_of(context));
     if passed.contains(&line) {
@@ -35,7 +35,7 @@ pub(super) fn check(context: &Context, options: &ContextOptions, unchecked: bool
     let stages: BTreeSet<&str> = broken.iter().map(|row| row.stage).collect();
     let info = context.info();
     let text = format!(
-        "{} ({}) computes wrongly: {} differ from float64 by more than they may",
+        "{} ({}) computes wrongly: {} differ from float64 beyond their bounds",
         info.name,
         info.driver,
         stages.into_iter().collect::<Vec<_>>().join(", ")
@@ -47,7 +47,7 @@ pub(super) fn check(context: &Context, options: &ContextOptions, unchecked: bool
     Err(Failure::Device(text))
 }
 
-/// A line of the file: what must be the same for a check to count.
+/// Line of the file. A check is valid as long as everything in this line is unchanged.
 fn line_of(context: &Context) -> String {
     let info = context.info();
     let mut kernels = crc32fast::Hasher::new();
@@ -66,7 +66,7 @@ fn line_of(context: &Context) -> String {
     line.replace(char::is_control, " ")
 }
 
-/// Where what passed is remembered, if the system names a place for such files.
+/// File that remembers passed checks, if the system names a cache folder.
 fn file_by(windows: bool, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     let named = |name: &str| variable(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let folder = match windows {
@@ -84,7 +84,7 @@ fn write(file: &Path, passed: &BTreeSet<String>) {
     let lines: String = passed.iter().map(|line| format!("{line}\n")).collect();
     let written = file.parent().is_some_and(|folder| fs::create_dir_all(folder).is_ok());
     if !written || write_text(file, &lines).is_err() {
-        tracing::info!("the device passed its check, which {} cannot remember", file.display());
+        tracing::info!("the device passed its check, but {} cannot be written to remember it", file.display());
     }
 }
 
@@ -98,7 +98,7 @@ mod tests {
         reference,
     };
 
-    /// Runs the twin and flips one bit of one buffer.
+    /// Runs the twin, then flips one bit of one buffer.
     fn faulty<const AT: usize>(call: &mut TwinCall) -> Result<(), String> {
         let (stage, buffer) = STAGES[AT];
         (reference::twin(stage).unwrap().run)(call)?;
@@ -126,7 +126,7 @@ mod tests {
             let Err(Failure::Device(text)) = check(&context, &options, false) else { panic!("{stage} passes") };
             assert!(text.contains("computes wrongly") && text.contains(context.info().name.as_str()), "{text}");
             assert!(check(&context, &options, true).is_ok());
-            // Twins that are right are a way to go on.
+            // Correct twins make the device usable.
             let twins = vec![reference::twin(stage).unwrap()];
             let context = context.again(&ContextOptions { twins, ..options.clone() }).unwrap();
             assert!(check(&context, &options, false).is_ok(), "{stage}");

@@ -1,4 +1,4 @@
-//! `glint convert`: writes a scene as a file of another format.
+//! `glint convert`: writes a scene in another file format.
 
 use std::{
     fmt::Write,
@@ -29,43 +29,43 @@ use crate::{
 const EXAMPLES: &str = "\
 Examples:
   glint convert base.ply base.spz
-  glint convert base.ply base.spz --spz-version 3        for viewers that know no version 4
+  glint convert base.ply base.spz --spz-version 3        for viewers that cannot read version 4
   glint convert augmented.ply base.sog --base-only
   glint convert download.splat scene.ply --lenient
-  glint convert base.checkpoint.safetensors base.ply     what a run has learned so far
-  glint convert base.ply base.sog --compare garden       how near the renders of the test views are";
+  glint convert base.checkpoint.safetensors base.ply     the current state of a run
+  glint convert base.ply base.sog --compare garden       PSNR of its renders against the input's";
 
 fn after_help() -> String {
     let line = |format: &SceneFormat| format!("  {:<17}{}\n", format!(".{}", format.ending), format.about);
     let formats: String = SceneFormat::ALL.iter().map(line).collect();
     let lobes = SceneFormat::endings(|format| format.keeps_lobes);
     format!(
-        "The ending of the output's name says what it becomes:\n{formats}\n\
-         Only {lobes} have a place for Gaussians with lobes. For the others these are an error; with --base-only they are left \
-         out, and what other viewers show of an augmented scene is written. All commands that take a scene read these files, \
-         SPZ since version 1, SOG also as a folder, .gltf, and the checkpoints that a run keeps.\n\n{EXAMPLES}"
+        "The ending of the output file decides its format:\n{formats}\n\
+         Only {lobes} can store Gaussians with lobes. For other formats such a scene is an error, unless --base-only leaves \
+         them out and writes the base as other viewers show it. All commands that take a scene read these files, SPZ from \
+         version 1 on, SOG also as a folder, .gltf, and checkpoints.\n\n{EXAMPLES}"
     )
 }
 
-/// Write a scene as a file of another kind
+/// Convert a scene to another file format
 #[derive(Debug, clap::Args)]
 #[command(after_help = after_help())]
 pub(super) struct Args {
-    /// Scene, told by its contents
+    /// Input scene; its contents decide the format
     input: PathBuf,
-    /// File to write
+    /// Output file; its ending decides the format
     output: PathBuf,
     #[command(flatten)]
     save: SaveArgs,
     #[command(flatten)]
     lenient: SceneArgs,
-    /// Render the views of a dataset before and after, and print the mean PSNR of the one to the other
+    /// Render the views of this dataset before and after, and print the mean PSNR of one against the other
     #[arg(long, value_name = "DATASET")]
     compare: Option<PathBuf>,
-    /// Photos whose cameras are used to compare
+    /// Photos whose cameras --compare uses
     #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
-    /// Print JSON; "psnr" is null where there is no difference
+    /// Print JSON; "psnr" is null if the renders are identical
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -76,33 +76,33 @@ pub(super) struct Args {
     device: DeviceArgs,
 }
 
-/// How a scene is written.
+/// Options of writing a scene.
 #[derive(Debug, clap::Args)]
 pub(super) struct SaveArgs {
     /// Leave out Gaussians with lobes
     #[arg(long)]
     base_only: bool,
-    /// Version of an SPZ file, for viewers that do not know 4: 3 holds the same in more bytes, 2 has coarser rotations, 1 positions of 16
-    /// bits besides
+    /// Version of the SPZ file, for viewers that cannot read version 4. Version 3 is larger; version 2 also
+    /// has coarser rotations; version 1 also has 16-bit positions
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=4))]
     spz_version: Option<u8>,
     #[command(flatten)]
     replace: OutputArgs,
 }
 
-/// A scene that may be written, and how.
+/// Scene and format that passed the checks before writing.
 pub(super) struct Prepared {
     file: SceneFile,
     format: SceneFormat,
 }
 
 impl SaveArgs {
-    /// Fails if `file` cannot be written to `output`, or should not be.
+    /// Fails if `file` cannot or must not be written to `output`.
     pub(super) fn prepare(&self, output: &Path, file: SceneFile, inputs: &Inputs) -> Result<Prepared> {
         let mut format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
         if let Some(version) = self.spz_version {
             if format.version.is_none() {
-                return Err(Error::Usage(format!("{}: --spz-version is of .spz files", output.display())));
+                return Err(Error::Usage(format!("{}: --spz-version is only for .spz files", output.display())));
             }
             format.version = Some(version);
         }
@@ -113,7 +113,7 @@ impl SaveArgs {
         let kept = format.greatest_sh_degree;
         if let Some(degree) = color::of(file.scene.base.sh_degree).harmonics.filter(|&degree| degree > kept) {
             note(format!(
-                "{}: colour that depends on the view is not kept (harmonics of degree {} to {degree})",
+                "{}: view-dependent color is not stored (harmonics of degree {} to {degree})",
                 output.display(),
                 kept + 1
             ));
@@ -137,10 +137,10 @@ struct Report {
     supplementary: usize,
     /// Degree of the harmonics; `None` for other color models.
     sh_degree: Option<u32>,
-    /// Bytes of the input; of a folder, of all files in it.
+    /// Size of the input, bytes. A folder counts all its files.
     input_bytes: u64,
     output_bytes: u64,
-    /// dB, of renders of the output to renders of the input; only where asked for.
+    /// PSNR of the output's renders against the input's, dB; only with `--compare`.
     #[serde(skip_serializing_if = "Option::is_none")]
     psnr: Option<f64>,
 }
@@ -159,7 +159,7 @@ impl Args {
         let Prepared { file, format } = &prepared;
         let colors = color::of(file.scene.base.sh_degree);
         let written = colors.harmonics.map_or(colors, |degree| color::of(degree.min(format.greatest_sh_degree)));
-        // What cannot be compared is told before anything is written.
+        // Finds an unusable dataset before anything is written.
         let photos = dataset.as_ref().map(|dataset| photos_of(dataset, self.split.split())).transpose()?;
         prepared.write(output)?;
         let report = Report {
@@ -204,7 +204,7 @@ impl Args {
     }
 }
 
-/// Of sRGB values, clamped to 0 to 1; infinite where there is no difference.
+/// PSNR of sRGB values, clamped to between 0 and 1; infinite if there is no difference.
 fn psnr(a: &[f32], b: &[f32]) -> f64 {
     let off = |(&a, &b): (&f32, &f32)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2);
     -10.0 * (a.iter().zip(b).map(off).sum::<f64>() / a.len() as f64).log10()
@@ -220,8 +220,8 @@ impl Report {
         let (before, now) = (megabytes(self.input_bytes), megabytes(self.output_bytes));
         let _ = write!(text, ", {colour}, {now:.3} MB of {before:.3}");
         let _ = match self.psnr {
-            Some(psnr) if psnr.is_infinite() => write!(text, ", renders as the input does"),
-            Some(psnr) => write!(text, ", renders {psnr:.2} dB from those of the input"),
+            Some(psnr) if psnr.is_infinite() => write!(text, ", renders are identical to the input's"),
+            Some(psnr) => write!(text, ", renders at {psnr:.2} dB against the input's"),
             None => Ok(()),
         };
         text + "\n"
@@ -230,7 +230,7 @@ impl Report {
 
 fn unknown(output: &Path) -> Error {
     let endings = SceneFormat::endings(|_| true);
-    Error::input(output, format!("has no ending that says what to write, expected one of {endings}"))
+    Error::input(output, format!("has no known ending, expected one of {endings}"))
 }
 
 fn check_lobes(file: &SceneFile, format: SceneFormat, output: &Path) -> Result<()> {
@@ -238,7 +238,8 @@ fn check_lobes(file: &SceneFile, format: SceneFormat, output: &Path) -> Result<(
         Some(supplement) if !format.keeps_lobes => {
             let (count, keep) = (supplement.gaussians.len(), SceneFormat::endings(|format| format.keeps_lobes));
             let what = format!(
-                "this format has no place for the scene's {count} Gaussians with lobes; --base-only leaves them out, {keep} keep them"
+                "this format cannot store the scene's {count} Gaussians with lobes; leave them out with --base-only, \
+                 or write one of {keep}"
             );
             Err(Error::input(output, what))
         }
@@ -246,7 +247,7 @@ fn check_lobes(file: &SceneFile, format: SceneFormat, output: &Path) -> Result<(
     }
 }
 
-/// Of a folder, the bytes of the files in it.
+/// Size of a file, or of the files in a folder, bytes.
 fn bytes_of(path: &Path) -> u64 {
     let size = |path: &Path| fs::metadata(path).map_or(0, |found| found.len());
     match fs::read_dir(path) {
@@ -262,7 +263,7 @@ mod tests {
     #[test]
     fn a_difference_is_measured_as_it_is_shown() {
         assert!((psnr(&[0.5, 0.2], &[0.4, 0.3]) - 20.0).abs() < 1e-5);
-        // What lies beyond white and black is not seen.
+        // Values beyond white and black are not visible.
         assert!((psnr(&[1.5, -1.0], &[0.9, 0.1]) - 20.0).abs() < 1e-5);
         assert_eq!(psnr(&[2.0, 0.5], &[1.0, 0.5]), f64::INFINITY);
     }

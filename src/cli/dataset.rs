@@ -1,4 +1,4 @@
-//! The options of every command that reads a dataset.
+//! Options shared by all commands that read a dataset.
 
 use std::path::{Path, PathBuf};
 
@@ -14,28 +14,29 @@ use crate::{
     report::summary::DatasetSummary,
 };
 
-/// What of a dataset is read.
+/// Options that select the parts of a dataset.
 #[derive(Debug, Clone, Args)]
 pub(super) struct DatasetArgs {
-    /// Folder of the photos, in the dataset or a path of its own [default: where the dataset has them; images, input, images_2,
-    /// images_4 or images_8]
+    /// Folder of the photos: a path, or a name in the dataset [default: the dataset's own folder, else
+    /// images, input, images_2, images_4 or images_8]
     #[arg(long, value_name = "DIR", help_heading = "Dataset")]
     images: Option<PathBuf>,
-    /// Folder of the COLMAP model, in the dataset or a path of its own [default: the first of sparse/0, sparse, the dataset,
-    /// sparse/1 and on, colmap/sparse/0 and the like]
+    /// Folder of the COLMAP model: a path, or a name in the dataset [default: the first of sparse/0,
+    /// sparse, the dataset, sparse/1 and on, colmap/sparse/0 and the like]
     #[arg(long, value_name = "DIR", help_heading = "Dataset")]
     model: Option<PathBuf>,
-    /// Test photos: every N-th by name, from the first on; sector, an eighth of the cameras that lies together (of an orbit by
-    /// angle, else one end of the cameras' largest spread); or none [default: what the dataset says, else 8]
+    /// Test photos: every N-th by name, from the first on; sector, a contiguous eighth of the cameras (by
+    /// angle in an orbit, else one end of their largest spread); or none [default: as the dataset says,
+    /// else 8]
     #[arg(long, alias = "test-every", value_name = "N|sector|none", help_heading = "Dataset")]
     holdout: Option<Holdout>,
-    /// What transparent pixels of photos mean
+    /// Meaning of transparent pixels in photos
     #[arg(long, value_enum, default_value_t, help_heading = "Dataset")]
     alpha: Alpha,
 }
 
 impl DatasetArgs {
-    /// Reads the dataset and tells what its user would not expect.
+    /// Reads the dataset and prints its notes.
     pub(super) fn open(&self, path: &Path, options: DatasetOptions) -> Result<Dataset> {
         let options = DatasetOptions {
             images: self.images.clone(),
@@ -60,7 +61,8 @@ impl DatasetArgs {
     }
 }
 
-/// Reads photos to the device. With their views goes the checksum of each as the device has it: after lens, mask and reduction.
+/// Uploads photos to the device. Returns their views and the checksum of each as uploaded: after lens, mask
+/// and downscaling.
 pub(super) fn upload(
     context: &Context,
     photos: &[&Photo],
@@ -79,7 +81,7 @@ pub(super) fn upload(
     Ok((views, checksums))
 }
 
-/// Tells how many photos are left out.
+/// Prints a note with the number of photos left out.
 pub(super) fn note_uncounted(photos: usize) {
     if photos > 0 {
         let s = if photos == 1 { "" } else { "s" };
@@ -87,14 +89,15 @@ pub(super) fn note_uncounted(photos: usize) {
     }
 }
 
-/// Fails where no training photo sees any of these Gaussians, upon which nothing would be learned in hours; tells where some
-/// photos see none.
+/// Fails if no training photo sees any of these Gaussians, since a run would learn nothing. Prints a note
+/// if some photos see none.
 pub(super) fn check_sight(dataset: &Dataset, origin: DVec3, gaussians: &[[f32; 3]]) -> Result<()> {
     let (seeing, all) = (dataset.seeing(origin, gaussians), dataset.split(Split::Train).count());
     if seeing == 0 && !gaussians.is_empty() {
         return Err(Error::Usage(format!(
-            "no training photo sees a Gaussian: all {} are behind the cameras, beside their pictures, or nearer than the near plane, \
-             {NEAR} scene units (the cameras stand within {:.3e} of their middle); is the dataset scaled, or the scene another's?",
+            "no training photo sees a Gaussian: all {} are behind the cameras, outside their images, or nearer than \
+             the near plane at {NEAR} scene units (the cameras are within {:.3e} of their middle); check the dataset's \
+             scale, and that the scene belongs to it",
             gaussians.len(),
             dataset.extent() / 1.1
         )));
@@ -105,19 +108,20 @@ pub(super) fn check_sight(dataset: &Dataset, origin: DVec3, gaussians: &[[f32; 3
     Ok(())
 }
 
-/// What a scene has at least that belongs to its photos: less is seen of one of another dataset, and of grey pictures.
+/// Minimum PSNR of a scene on its own photos, dB. Scenes of other datasets and gray pictures have less.
 const FOREIGN_DB: f64 = 12.0;
-/// The same as a mean loss, 0.8 L1 + 0.2 (1 − SSIM): 12 dB is 0.15 to 0.25 in the mean, and next to no structure.
+/// That limit as a mean loss, 0.8 L1 + 0.2 (1 − SSIM). At 12 dB the mean L1 is 0.15 to 0.25, with almost no
+/// structure.
 const FOREIGN_LOSS: f64 = 0.3;
 
-/// Tells where a scene seems not to belong to the photos.
+/// Prints a note if a scene seems to belong to other photos.
 pub(super) fn note_foreign(scene: &Path, psnr: f64) {
     if psnr < FOREIGN_DB {
         note_if_foreign(scene, format_args!("{psnr:.1} dB"));
     }
 }
 
-/// The same of a base before it is augmented.
+/// Prints such a note for a base before its augmentation.
 pub(super) fn note_foreign_base(scene: &Path, losses: &[f64]) {
     let loss = losses.iter().sum::<f64>() / losses.len().max(1) as f64;
     if loss > FOREIGN_LOSS {
@@ -127,34 +131,35 @@ pub(super) fn note_foreign_base(scene: &Path, losses: &[f64]) {
 
 fn note_if_foreign(scene: &Path, found: std::fmt::Arguments<'_>) {
     note(format!(
-        "{} has {found} on these photos, as a scene of another dataset has: check the dataset, its scale and --background, and --max-size \
-         and --compensate, which must be as in training",
+        "{} has {found} on these photos, like a scene of another dataset: check the dataset, its scale and \
+         --background; --max-size and --compensate must be as in training",
         scene.display()
     ));
 }
 
-/// How photos are prepared.
+/// Options that control how photos are prepared.
 #[derive(Debug, Clone, Args)]
 pub(super) struct PhotoArgs {
     #[command(flatten)]
     dataset: DatasetArgs,
-    /// Downscale photos whose longer side has more pixels than this; where images_2, images_4 or images_8 has all of them at that size, to
-    /// a pixel, those are taken, unless --images or --reduce is given [default: as the scene was trained, else 1600, as 3DGS]
+    /// Downscale photos to at most this many pixels on the longer side. If images_2, images_4 or images_8
+    /// holds all photos at exactly that size, it is used, unless --images or --reduce is given [default: as
+    /// the scene was trained, else 1600]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
     max_size: Option<u32>,
-    /// How photos are downscaled [default: area]
+    /// Filter for downscaling photos [default: area]
     #[arg(long, value_enum)]
     reduce: Option<Reduce>,
-    /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0 to 1 [default: as the scene was
-    /// trained, else black]
+    /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0
+    /// to 1 [default: as the scene was trained, else black]
     #[arg(long, value_name = "COLOR", value_parser = parse_background)]
     background: Option<[f32; 3]>,
 }
 
-/// 3DGS trains on photos of at most this width.
+/// Default maximum size, as in 3DGS, pixels.
 const DEFAULT_MAX_SIZE: u32 = 1600;
 
-/// What was given, else what `scene` was trained with. A note reports a contradiction.
+/// Returns the given value, else the one that `scene` was trained with. A note reports a contradiction.
 pub(super) fn settled<T: PartialEq>(
     option: &str,
     [given, trained]: [Option<T>; 2],
@@ -166,14 +171,14 @@ pub(super) fn settled<T: PartialEq>(
     {
         let (scene, given, trained) = (scene.display(), text(given), text(trained));
         note(format!(
-            "{scene} was trained with {option} {trained}, and here it is {given}: figures are not of the same thing"
+            "{scene} was trained with {option} {trained}, but {given} is given here: figures are not comparable"
         ));
     }
     given.or(trained)
 }
 
 impl PhotoArgs {
-    /// The same, with what the scene of this path was trained with where nothing is asked for.
+    /// Fills options that were not given with those that the scene at this path was trained with.
     pub(super) fn like(&self, TrainedWith { background, max_size, .. }: TrainedWith, scene: &Path) -> PhotoArgs {
         let colour = |[r, g, b]: &[f32; 3]| format!("{r},{g},{b}");
         PhotoArgs {
@@ -183,12 +188,12 @@ impl PhotoArgs {
         }
     }
 
-    /// What is behind the scene.
+    /// Color behind the scene.
     pub(super) fn background(&self) -> [f32; 3] {
         self.background.unwrap_or_default()
     }
 
-    /// For a scene that is trained on these photos and drawn so.
+    /// Settings to store in a scene that is trained on these photos.
     pub(super) fn trained_with(&self, antialiased: bool) -> TrainedWith {
         TrainedWith {
             background: Some(self.background()),
@@ -198,12 +203,12 @@ impl PhotoArgs {
         }
     }
 
-    /// What the test photos are, in a word.
+    /// Name of the selection of test photos.
     pub(super) fn holdout(&self) -> String {
         self.dataset.holdout.unwrap_or_default().to_string()
     }
 
-    /// Reads the dataset and tells what its user would not expect.
+    /// Reads the dataset and prints its notes.
     pub(super) fn open(&self, path: &Path) -> Result<Dataset> {
         let reduce = self.reduce.unwrap_or_default();
         let (max_size, background) = (self.max_size.unwrap_or(DEFAULT_MAX_SIZE), self.background());
@@ -217,7 +222,7 @@ impl PhotoArgs {
         });
         if self.max_size.is_none() && reduced.clone().next().is_some() {
             note(format!(
-                "{} of {} photos are reduced to {max_size} pixels on the longer side; --max-size sets another limit",
+                "{} of {} photos are downscaled to {max_size} pixels on the longer side; --max-size sets another limit",
                 reduced.count(),
                 dataset.photos.len()
             ));

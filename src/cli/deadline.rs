@@ -1,67 +1,71 @@
-//! A run of as many steps as find time until a given moment.
+//! Plans a run that ends at a given time: derives the number of steps from their measured duration.
 //!
-//! All schedules are fractions of a run, so a run that turns out slower or faster than was thought becomes one of fewer or more steps,
-//! of which the same fraction is done. How long a step takes is known only from those that were done; so it is asked several times, by
-//! shares of the time. What is known of how it changes (steps on smaller photos and fewer Gaussians come first) is told by whoever
-//! begins the run. No step is begun that would begin after the end, so a run is late by the one that it is at, and by what the loop had
-//! handed to the device before it knew how long steps take.
+//! All schedules are fractions of a run. If steps turn out slower or faster than planned, the run continues
+//! with another number of steps, of which the same fraction is done. The run is replanned several times, at
+//! fixed shares of the time. The caller supplies how the cost of a step changes, because steps on smaller
+//! photos and fewer Gaussians come first.
+//!
+//! No step begins after the end. A run therefore overruns by the step in progress, plus any steps submitted
+//! before their duration was known.
 
 use std::{
     fmt::Display,
     time::{Duration, Instant},
 };
 
-/// Steps of the run that a first guess is for; few of them are done as such.
+/// Number of steps assumed before the first plan; few steps run under this guess.
 pub(super) const FIRST: u32 = 100_000;
-/// Steps after which the first guess is replaced at the latest: enough for a mean.
+/// Maximum number of steps before the guess is replaced; enough for a mean.
 const PILOT: u32 = 64;
-/// Shares of the time after which the run is planned anew; the first guess is replaced after the second of them at the latest. The last is
-/// what the end can be off by, times what the rate still changes.
+/// Shares of the time after which the run is replanned. The guess is replaced after the second one at the
+/// latest. After the last one, an error remains: the change of rate in the rest of the run.
 const MARKS: [f64; 16] = [0.005, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.88, 0.94, 0.98];
-/// Fewer steps than this say little by themselves.
+/// Fewer steps than this are too few for a reliable mean.
 const FEW: u32 = 4;
-/// Steps of a run at most: the losses of so many, 16 bytes each, any device binds at once.
+/// Maximum number of steps. Every device can bind their losses, 16 bytes each, at once.
 pub(super) const MOST: u32 = 8_000_000;
 
-/// Samples of a mean: it is off by a hundredth of what the cost leaps by.
+/// Samples of a mean; its error is 1/100 of the jumps in the cost.
 const SAMPLES: u32 = 100;
 
-/// When a run ends, and how it is planned until then. Moments are given, so that a test can have its own.
+/// End of a run, and its plan until then. Callers pass the current time, so that tests can use their own
+/// clock.
 pub(super) struct Deadline {
     begin: Instant,
     end: Instant,
-    /// Of the run that is planned now.
+    /// Number of steps of the current plan.
     pub(super) total: u32,
-    /// When the last plan was made, and the step at that time; later by what took time since and was no step.
+    /// Time of the last plan, moved later by pauses that were not steps, and the step at that time.
     since: Instant,
     step: u32,
-    /// `total` is no plan yet.
+    /// Whether `total` is still a guess.
     guessed: bool,
-    /// The first steps are done, which are slow, as a driver compiles kernels when they first run: they say nothing.
+    /// Whether the first steps are done. They are not measured, because the driver compiles kernels during
+    /// them.
     warm: bool,
-    /// Seconds that a step takes which costs 1, as it was when the last plan was made.
+    /// Duration of a step of cost 1 when the last plan was made, seconds.
     unit: Option<f64>,
-    /// How long a step takes where that fraction of the run is done, as a multiple of what any takes.
+    /// Relative duration of a step, by the fraction of the run that is done.
     cost: Box<dyn Fn(f64) -> f64>,
 }
 
-/// The same run with another number of steps.
+/// New number of steps for the same run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Plan {
     /// Steps in all.
     pub(super) total: u32,
-    /// Those of them that count as done.
+    /// Steps that count as done.
     pub(super) done: u32,
 }
 
-/// `step` of `total` steps are done, and `fit` more find time: as many as those are what is left of the run. There is always one, so that
-/// the run has an end of its own, unless it has come to it.
+/// Plan after `step` of `total` steps if `fit` more fit into the time: these become the unfinished fraction
+/// of the run. At least one step follows, so that the run reaches its end, unless it already has.
 fn plan(step: u32, total: u32, fit: f64) -> Plan {
     let total = total.max(1);
     if step >= total && fit < 1.0 {
         return Plan { total, done: total };
     }
-    // A run that came to its end too early goes on as one that lacks a step.
+    // A run that reached its end too early continues as if it lacked one step.
     let left = f64::from(total - step.min(total - 1)) / f64::from(total);
     let most = f64::from(MOST);
     let to_come = fit.clamp(1.0, (left * most).max(1.0)).round();
@@ -76,7 +80,7 @@ pub(super) fn mean(cost: &dyn Fn(f64) -> f64, from: f64, to: f64) -> f64 {
 }
 
 impl Deadline {
-    /// From `begin` until `end`.
+    /// Deadline of a run from `begin` until `end`.
     pub(super) fn new(begin: Instant, end: Instant) -> Self {
         Deadline {
             begin,
@@ -91,17 +95,17 @@ impl Deadline {
         }
     }
 
-    /// The same of a run that is thought to have `total` steps, of which `step` are done.
+    /// Deadline of a run estimated at `total` steps, of which `step` are done.
     pub(super) fn of(begin: Instant, end: Instant, total: u32, step: u32) -> Self {
         Deadline { total, step, guessed: false, ..Deadline::new(begin, end) }
     }
 
-    /// Of a run whose steps take `cost` where a fraction of it is done, as multiples of one another.
+    /// Sets the relative duration of steps, by the fraction of the run that is done.
     pub(super) fn costs(&mut self, cost: impl Fn(f64) -> f64 + 'static) {
         self.cost = Box::new(cost);
     }
 
-    /// Whether `now`, after `step` steps, it is time to plan the run anew.
+    /// Whether to replan at the time `now`, after `step` steps.
     pub(super) fn is_due(&mut self, step: u32, now: Instant) -> bool {
         let done = step.saturating_sub(self.step);
         if done == 0 {
@@ -111,7 +115,7 @@ impl Deadline {
             (self.since, self.step, self.warm) = (now, step, true);
             return false;
         }
-        // With nothing left to do long before the time is over a run is one of more steps.
+        // All steps done long before the end: the run gets more steps.
         if step >= self.total {
             return self.share(now) < MARKS[MARKS.len() - 1];
         }
@@ -121,12 +125,13 @@ impl Deadline {
         passed(share) > passed(self.share(self.since)) && share >= next || self.guessed && done >= PILOT
     }
 
-    /// Whether there is no time left.
+    /// Whether the time is over.
     pub(super) fn is_over(&self, now: Instant) -> bool {
         now >= self.end
     }
 
-    /// Of a run of which `step` steps are done: the step before which the time is over. Whoever goes no further is late by less than one.
+    /// After `step` steps: the step before which the time ends. A run that stops there overruns by less
+    /// than one step.
     pub(super) fn last(&self, step: u32, now: Instant) -> u32 {
         let Some(unit) = self.measured(step, now) else {
             return if self.is_over(now) { step } else { u32::MAX };
@@ -136,17 +141,17 @@ impl Deadline {
         step.saturating_add(steps.ceil() as u32)
     }
 
-    /// So much time went into something else than steps.
+    /// Excludes time that was not spent on steps.
     pub(super) fn leave_out(&mut self, time: Duration) {
         self.since += time;
     }
 
-    /// The run stood still for so long, which is no part of its time.
+    /// Moves the end by a pause, which does not count as time of the run.
     pub(super) fn pause(&mut self, time: Duration) {
         (self.begin, self.since, self.end) = (self.begin + time, self.since + time, self.end + time);
     }
 
-    /// Plans the run anew, of which `step` steps are done, and in whose rest something else than steps takes the time `reserved`.
+    /// Replans the run after `step` steps. Work other than steps will take the time `reserved`.
     pub(super) fn plan(&mut self, step: u32, now: Instant, reserved: Duration) -> Plan {
         let plan = plan(step, self.total, self.fit(step, now, reserved));
         self.unit = self.measured(step, now);
@@ -154,14 +159,15 @@ impl Deadline {
         plan
     }
 
-    /// Steps that find time after step `step` on average.
+    /// Mean number of steps that fit into the time after step `step`.
     fn fit(&self, step: u32, now: Instant, reserved: Duration) -> f64 {
         let Some(unit) = self.measured(step, now) else { return 0.0 };
         let each = unit * mean(&self.cost, self.part(step.min(self.total.max(1) - 1)), 1.0);
         self.left(now, reserved) / each.max(1e-9)
     }
 
-    /// Seconds that a step takes which costs 1: of those since the last plan, or where these are few of those before it as well.
+    /// Duration of a step of cost 1, seconds, measured since the last plan. If there were few steps since,
+    /// the earlier measurement counts half.
     fn measured(&self, step: u32, now: Instant) -> Option<f64> {
         let done = step.saturating_sub(self.step);
         if done == 0 {
@@ -179,7 +185,7 @@ impl Deadline {
         f64::from(step) / f64::from(self.total.max(1))
     }
 
-    /// Of the time from begin to end.
+    /// Passed share of the time from `begin` to `end`.
     fn share(&self, now: Instant) -> f64 {
         let [passed, all] = [now, self.end].map(|at| at.saturating_duration_since(self.begin).as_secs_f64());
         passed / all.max(1e-9)
@@ -190,7 +196,7 @@ impl Deadline {
     }
 }
 
-/// "90", "90s", "5m", "1.5h".
+/// Parses "90", "90s", "5m" or "1.5h".
 pub(super) fn duration(text: &str) -> Result<Duration, String> {
     let fail = |why: &dyn Display| format!("{why}, expected a time such as 90s, 5m or 1.5h");
     let (number, unit) = match text.char_indices().last() {
@@ -213,31 +219,31 @@ mod tests {
 
     #[test]
     fn a_run_keeps_its_fraction_and_its_end() {
-        // A hundredth is done; as many steps as find time are 99 hundredths of the run.
+        // 1 % is done; the 99 steps that fit are the other 99 %.
         assert_eq!(plan(1000, 100_000, 99.0), Plan { total: 100, done: 1 });
-        // As fast as was thought: nothing changes.
+        // Steps take the expected time: nothing changes.
         assert_eq!(plan(50, 100, 50.0), Plan { total: 100, done: 50 });
-        // No time is left: one step more, from where the run is.
+        // No time is left: one more step, from the current fraction.
         assert_eq!(plan(50, 100, 0.0), Plan { total: 2, done: 1 });
         assert_eq!(plan(99, 100, 0.0), Plan { total: 100, done: 99 });
         assert_eq!(plan(0, 100_000, 0.3), Plan { total: 1, done: 0 });
         assert!(plan(10, 100, 1e18).total <= MOST && plan(10, 100, f64::INFINITY).total <= MOST);
-        // At its end it is as a run that lacks one step: five more of these are 500 hundredths.
+        // A finished run counts as one that lacks a step, 1 %: five more steps make 500.
         assert_eq!(plan(100, 100, 5.0), Plan { total: 500, done: 495 });
         assert_eq!(plan(100, 100, 0.4), Plan { total: 100, done: 100 });
     }
 
-    /// How a loop went that had `time` seconds.
+    /// Result of a simulated loop.
     struct Run {
         seconds: f64,
         steps: u32,
-        /// Of the schedule.
+        /// Fraction of the schedule.
         part: f64,
         plans: u32,
     }
 
-    /// Of a loop as `Steps` has them whose steps take what `truth` says where a fraction is done, the first of all `first` more, while `cost`
-    /// is what is known of it.
+    /// Simulates the loop of `Steps` for `time` seconds. A step takes `truth` of the fraction done, the
+    /// very first one `first` more; the deadline knows `cost`.
     fn run(time: f64, first: f64, truth: &dyn Fn(f64) -> f64, cost: impl Fn(f64) -> f64 + 'static) -> Run {
         let base = Instant::now();
         let at = |seconds: f64| base + Duration::from_secs_f64(seconds);
@@ -271,16 +277,16 @@ mod tests {
         }
     }
 
-    /// Steps that take longer and longer, as Gaussians become more: the run ends when it should.
+    /// If steps become slower as the number of Gaussians grows, the run still ends in time.
     #[test]
     fn a_run_that_becomes_slower_ends_in_time() {
         let found = run(60.0, 0.5, &|part| 0.02 * (1.0 + 2.0 * part), |_| 1.0);
-        // The last fiftieth is off by what the rate changes within it.
+        // In the last fiftieth, a change of rate is not corrected.
         assert!((found.seconds - 60.0).abs() < 0.005 * 60.0 && found.part > 0.99, "{} {}", found.seconds, found.part);
         assert!((1400..1800).contains(&found.steps) && found.plans > 10, "{} {}", found.steps, found.plans);
     }
 
-    /// Steps on photos of a quarter and of half the size come first, and how much less they take is known roughly.
+    /// Steps on photos of a quarter and half the size come first, at a roughly known cost.
     #[test]
     fn a_run_whose_photos_grow_ends_in_time() {
         let cost = |fixed: f64| move |part: f64| fixed + (1.0 - fixed) * 0.25f64.powi(halvings_at(part, 2) as i32);
@@ -293,7 +299,7 @@ mod tests {
         }
     }
 
-    /// However few steps find time, a run ends at its end, late by one step or by what was submitted before anything was known.
+    /// A run with few steps overruns by one step, or by those submitted before any duration was known.
     #[test]
     fn a_run_of_few_slow_steps_ends_in_time() {
         for (time, each, first) in
@@ -303,12 +309,12 @@ mod tests {
             assert!((0.85 * time..time + each).contains(&seconds), "{time}, {each}: {seconds}");
             assert!(part == 1.0 && f64::from(steps) * each > 0.7 * time, "{time}, {each}: {steps} steps, {part}");
         }
-        // What takes longer than all of the time is two steps, which were on their way at once.
+        // Two steps that each exceed the whole time: both were submitted at once.
         let Run { seconds, steps, .. } = run(1.0, 0.0, &|_| 3.0, |_| 1.0);
         assert_eq!((seconds, steps), (6.0, 2));
     }
 
-    /// What evaluations take is no part of the time.
+    /// Evaluations do not count as time of the run.
     #[test]
     fn a_pause_moves_the_end_and_no_share() {
         let base = Instant::now();

@@ -1,4 +1,4 @@
-//! `glint demo`: the whole method on a built-in scene, beside its controls.
+//! `glint demo`: trains and augments a built-in scene and compares the result with its controls.
 
 use std::{path::PathBuf, time::Instant};
 
@@ -42,17 +42,18 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them, augments \
-it, and compares both with 8 held-out photos, on a page. As controls, the base is also trained longer, by as many steps, trained \
-from the start with as many more plain Gaussians for as many more steps, and augmented by the other method.
+Renders 48 photos of glossy objects under small bright lights with an analytic renderer, trains a base scene on them and \
+augments it. A page compares both with 8 held-out photos. It also has three controls: the base trained longer by the same \
+number of steps, plain Gaussians trained from the start with the same numbers of Gaussians and steps, and the base augmented \
+by the other method.
 
 Examples:
   glint demo
   glint demo -o demo --force --json";
 
-/// How much is done.
+/// Amount of work.
 struct Length {
-    /// Surface points that the base begins with, one Gaussian each.
+    /// Surface points at the start of the base, one Gaussian each.
     points: usize,
     /// Steps of the base.
     iterations: u32,
@@ -60,23 +61,23 @@ struct Length {
     joint: Option<u32>,
 }
 
-/// Few enough steps that the whole demo stays within four minutes on two CPU cores.
+/// Lengths for which the whole demo takes at most four minutes on two CPU cores.
 const WHOLE: Length = Length { points: 4000, iterations: 2000, joint: None };
 const SH_DEGREE: u32 = 3;
 const BASE: &str = "base.ply";
 const AUGMENTED: &str = "augmented.ply";
 
-/// The whole method on a built-in scene: train a base, augment it, show the gain
+/// Train and augment a built-in scene, and show the gain
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder for the scenes and the page
+    /// Output folder for the scenes and the page
     #[arg(short, long, value_name = "DIR", default_value = "glint-demo")]
     output: PathBuf,
-    /// How Gaussians are placed
+    /// Method that places Gaussians
     #[arg(long, value_enum, default_value_t)]
     method: Method,
-    /// Seed of the draws and of the order of photos
+    /// Seed of random numbers and of the order of photos
     #[arg(long, default_value_t = 0)]
     seed: u32,
     /// Print JSON
@@ -88,24 +89,24 @@ pub(super) struct Args {
     learn: LearnArgs,
     #[command(flatten)]
     device: DeviceArgs,
-    // Last, for its heading goes on to what follows.
+    // Must be last: its help heading also applies to the options after it.
     #[command(flatten)]
     choices: ChoiceArgs,
 }
 
-/// A scene that is compared, and what it took.
+/// Scene to compare, with its cost.
 struct Made {
     what: &'static str,
     scene: Scene,
     steps: u32,
-    /// From the first step of its base on.
+    /// Time since the first step of its base, seconds.
     seconds: f64,
-    /// It goes on from the base.
+    /// Whether it started from the base.
     from_base: bool,
     told: Run,
 }
 
-/// What is told of it.
+/// Row of the report on a scene.
 #[derive(Serialize)]
 struct Row {
     what: &'static str,
@@ -120,10 +121,10 @@ struct Row {
 #[derive(Serialize)]
 struct Report {
     device: String,
-    /// The base; trained longer by as many steps as it is augmented; from the start with as many more plain Gaussians and steps; augmented by
-    /// the other method; augmented.
+    /// Base; base trained longer by the steps of the joint phase; plain Gaussians from the start, with
+    /// equal numbers of Gaussians and steps; augmented by the other method; augmented.
     rows: [Row; 5],
-    /// dB of test PSNR over its base, and over the base with as many more plain Gaussians and steps.
+    /// Test PSNR over the base, and over plain Gaussians of equal number and steps, dB.
     gain_over_base: f64,
     gain_over_plain: f64,
     seconds_base_renders: f64,
@@ -140,7 +141,7 @@ impl Args {
     }
 
     fn run_for(&self, length: &Length) -> Outcome<(Report, Times)> {
-        // Every prefix of the points is spread as evenly as the whole: the plain comparison takes more of them.
+        // Every prefix of the points is spread evenly. The plain control takes a longer prefix.
         let dataset = builtin_scene(2 * length.points).dataset();
         self.replace.check_files(&self.output, [BASE, AUGMENTED, PAGE, NUMBERS], &Inputs::default())?;
         self.replace.make_folder(&self.output, &Inputs::default())?;
@@ -225,7 +226,7 @@ impl Args {
         Ok(Made { what, scene: model.download()?, steps: iterations, seconds, from_base: false, told })
     }
 
-    /// Trains the base on as a joint phase does, with nothing added.
+    /// Trains the base longer, as in a joint phase with nothing added.
     fn train_on(&self, session: &Session, base: &Made, views: &Views, options: &JoinOptions) -> Result<Made> {
         session.context.count_most_anew();
         let (what, started) = ("base trained longer", Instant::now());
@@ -268,7 +269,7 @@ impl Args {
         Ok((Made { what, scene: enhanced.scene.clone(), steps, seconds, from_base: true, told }, enhanced))
     }
 
-    /// Writes the page that compares all that was made, and returns what it says of each.
+    /// Writes the page that compares all scenes, and returns their rows.
     fn page(&self, context: &Context, test: &[&Photo], background: [f32; 3], made: &[Made; 5]) -> Result<[Row; 5]> {
         let shown =
             made.each_ref().map(|Made { what, scene, .. }| Shown { name: what, scene, bytes: scene_bytes(scene) });
@@ -290,7 +291,7 @@ impl Args {
             base_psnr: Some(rows[0].psnr),
         };
         let records = rows.iter().zip(&made[..]).zip(&shown).flat_map(|((row, made), of)| {
-            // What goes on from the base has it for its first point.
+            // A curve that starts from the base has the base as its first point.
             let first = made.from_base.then(|| record(row.what, &rows[0], shown[0].bytes));
             first.into_iter().chain([record(row.what, row, of.bytes)])
         });
@@ -322,7 +323,7 @@ impl Args {
             ]);
         }
         format!(
-            "{table}\n{}: {:+.2} dB over its base, {:+.2} dB over as many more plain Gaussians and steps\n\
+            "{table}\n{}: {:+.2} dB over its base, {:+.2} dB over plain Gaussians of the same number and steps\n\
              placing {:.1} s, joint phase {:.1} s\n{}: {BASE}, {AUGMENTED}, {PAGE}\n",
             report.rows[4].what,
             report.gain_over_base,
@@ -339,7 +340,7 @@ fn count(scene: &Scene) -> usize {
     scene.base.len() + scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len())
 }
 
-/// What the run that has just ended held on the device at most.
+/// Peak device memory of the run that has just ended, MB.
 fn most_megabytes(session: &Session) -> f64 {
     session.context.memory().most_used as f64 / 1e6
 }
@@ -377,7 +378,7 @@ mod tests {
         let added = augmented.gaussians + augmented.supplementary - base.gaussians;
         assert!(added > 0 && augmented.supplementary > 0, "{added}");
         assert_eq!((base.gaussians, base.supplementary, base.steps), (600, 0, 60));
-        // One joint step a view.
+        // One joint step for each view.
         let steps = 60 + builtin_scene(10).dataset().split(Split::Train).count() as u32;
         assert_eq!((plain.gaussians, plain.supplementary, plain.steps), (600 + added, 0, steps));
         assert_eq!((augmented.steps, other.steps), (steps, steps));
@@ -390,10 +391,10 @@ mod tests {
         let mut found: Vec<_> = std::fs::read_dir(&output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         found.sort();
         assert_eq!(found, [AUGMENTED, BASE, PAGE, NUMBERS]);
-        // What goes on from the base does so over seconds, bytes and Gaussians: three plots of PSNR and three of SSIM.
+        // Curves from the base over seconds, bytes and Gaussians: three plots of PSNR and three of SSIM.
         let page = std::fs::read_to_string(output.join(PAGE)).unwrap();
         assert_eq!(page.matches("<svg").count(), 6);
-        // What is there is not written over unasked.
+        // Existing files are not overwritten without `--force`.
         assert!(line.args.run_for(&length).is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! `glint devices`: lists Vulkan devices, how kernels would run on each, and why one is refused.
+//! `glint devices`: lists Vulkan devices, how kernels would run on each, and why glint refuses some.
 
 use serde::Serialize;
 
@@ -8,11 +8,11 @@ use crate::{
     report::table::{Cell, Column, Table},
 };
 
-/// List the Vulkan devices that --device chooses from
+/// List the Vulkan devices that --device can select
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Print JSON: [{"index","refused","name","kind","subgroup_size",…}], all that is known of each; "refused" has the reason if glint
-    /// cannot use it
+    /// Print JSON: a list of devices with all their properties; "refused" is the reason if glint cannot use
+    /// one, else null
     #[arg(long)]
     json: bool,
 }
@@ -20,7 +20,7 @@ pub(super) struct Args {
 #[derive(Serialize)]
 struct Listed {
     index: usize,
-    /// Why glint cannot use it.
+    /// Reason why glint cannot use it.
     refused: Option<String>,
     #[serde(flatten)]
     info: DeviceInfo,

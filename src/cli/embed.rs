@@ -1,5 +1,5 @@
-//! Runs commands for a program that links glint. Progress, notes and reports go to that program instead of stdout and stderr, an end is
-//! asked for by a flag instead of a signal, and a panic becomes an error.
+//! Runs commands for a program that links glint. Progress, notes and reports go to that program instead of
+//! stdout and stderr. A flag stops a command instead of a signal, and a panic becomes an error.
 
 use std::{any::Any, ffi::OsString, path::PathBuf};
 
@@ -21,20 +21,21 @@ use crate::{
     gpu::Context,
 };
 
-/// Why a command failed.
+/// Error of a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failed {
-    /// One line, as the command line prints it.
+    /// Message of one line, as the command line prints it.
     pub text: String,
-    /// The command line's exit code: 2 for bad input, 1 for the machine, [`STOPPED`] after an end was asked for.
+    /// Exit code of the command line: 2 for bad input, 1 for the machine, [`STOPPED`] after a requested
+    /// stop.
     pub code: u8,
 }
 
-/// [`Failed::code`] of a command that was asked to end.
+/// [`Failed::code`] of a command that was stopped on request.
 pub const STOPPED: u8 = interrupt::EXIT_CODE;
 
-/// Runs a command, given as on the command line without the program's name. Gives back what it printed, which is there even if it failed,
-/// and why it failed.
+/// Runs a command, given as on the command line without the program's name. Returns the printed text, even
+/// on an error, and the result.
 pub fn command(arguments: &[OsString], listener: Listener) -> (String, Result<(), Failed>) {
     let (printed, result) = with(listener, || {
         let name = OsString::from("glint");
@@ -43,18 +44,18 @@ pub fn command(arguments: &[OsString], listener: Listener) -> (String, Result<()
     (printed, result.and_then(|parsed| parsed.map_err(unparsed)?.map_err(failed)))
 }
 
-/// Reads a scene. `arguments` are its path and options of reading.
+/// Reads a scene. `arguments` are its path and the options for reading.
 ///
 /// # Errors
-/// As the command line's.
+/// Those of the command line.
 pub fn load(arguments: &[OsString], listener: Listener) -> Result<SceneFile, Failed> {
     parsed(arguments, listener, |LoadArgs { scene, lenient }| Ok(lenient.open_file(&scene)?))
 }
 
-/// Writes a scene. `arguments` are the path and options of writing.
+/// Writes a scene. `arguments` are its path and the options for writing.
 ///
 /// # Errors
-/// As the command line's.
+/// Those of the command line.
 pub fn save(arguments: &[OsString], file: SceneFile, listener: Listener) -> Result<(), Failed> {
     parsed(arguments, listener, |WriteArgs { output, save }| {
         save.prepare(&output, file, &Inputs::default())?.write(&output)?;
@@ -62,18 +63,18 @@ pub fn save(arguments: &[OsString], file: SceneFile, listener: Listener) -> Resu
     })
 }
 
-/// Reads a dataset, but no pixels. `arguments` are its path and options of reading photos.
+/// Reads a dataset without its pixels. `arguments` are its path and the options for reading photos.
 ///
 /// # Errors
-/// As the command line's.
+/// Those of the command line.
 pub fn dataset(arguments: &[OsString], listener: Listener) -> Result<Dataset, Failed> {
     parsed(arguments, listener, |DatasetArgs { dataset, photos }| Ok(photos.open(&dataset)?))
 }
 
-/// Opens and checks a device, as commands do. `arguments` are options of devices.
+/// Opens and checks a device, like the commands do. `arguments` are device options.
 ///
 /// # Errors
-/// As the command line's.
+/// Those of the command line.
 pub fn device(arguments: &[OsString], listener: Listener) -> Result<Context, Failed> {
     parsed(arguments, listener, |OpenArgs { device }| {
         let options = device.options();
@@ -86,7 +87,7 @@ pub fn device(arguments: &[OsString], listener: Listener) -> Result<Context, Fai
 #[derive(Parser)]
 #[command(no_binary_name = true)]
 struct LoadArgs {
-    /// Scene, told by its contents
+    /// Input scene; its contents decide the format
     scene: PathBuf,
     #[command(flatten)]
     lenient: SceneArgs,
@@ -95,7 +96,7 @@ struct LoadArgs {
 #[derive(Parser)]
 #[command(no_binary_name = true)]
 struct WriteArgs {
-    /// File to write; its ending says what it becomes
+    /// Output file; its ending decides the format
     output: PathBuf,
     #[command(flatten)]
     save: SaveArgs,
@@ -117,24 +118,24 @@ struct OpenArgs {
     device: DeviceArgs,
 }
 
-/// An option of a command.
+/// Option of a command.
 #[derive(Debug, Clone)]
 pub struct Opt {
-    /// Without dashes.
+    /// Name without dashes.
     pub name: String,
-    /// What it does.
+    /// Help text.
     pub help: String,
-    /// It takes a value.
+    /// Whether it takes a value.
     pub takes_value: bool,
-    /// It may be given several times.
+    /// Whether it may be given several times.
     pub repeats: bool,
-    /// The value that it has if it is not given.
+    /// Default value.
     pub default: Option<String>,
-    /// The values that it can have, where these are names.
+    /// Names of its values, if it has such.
     pub names: Vec<String>,
 }
 
-/// The options of a command, or of [`load`], [`save`], [`dataset`] or [`device`]; none of what is neither.
+/// Options of a command, or of [`load`], [`save`], [`dataset`] or [`device`]; empty for any other name.
 pub fn options(command: &str) -> Vec<Opt> {
     let command = match command {
         "load" => LoadArgs::command(),
@@ -172,7 +173,7 @@ fn parsed<A: Parser, T>(
     with(listener, || Ok(work(arguments))).1?.map_err(failed)
 }
 
-/// Does `work` with a listener on this thread. Gives back what it printed.
+/// Does `work` with a listener on this thread. Returns the printed text and the result.
 fn with<T>(listener: Listener, work: impl FnOnce() -> Result<T, Failed>) -> (String, Result<T, Failed>) {
     let (printed, result) = caller::hear(listener, work);
     (printed, result.unwrap_or_else(|panic| Err(unwound(&*panic))))
@@ -183,7 +184,7 @@ fn failed(failure: super::Failure) -> Failed {
     Failed { text, code }
 }
 
-/// The message without its advice for a shell.
+/// Message without clap's advice for a shell.
 fn unparsed(error: clap::Error) -> Failed {
     let text = error.render().to_string();
     let end = ["\n\nUsage", "\n\nFor more"].into_iter().filter_map(|start| text.find(start)).min();

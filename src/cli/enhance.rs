@@ -1,4 +1,5 @@
-//! `glint enhance`: augments a base scene from photos, judges the result on the test photos and discards it where it is worse.
+//! `glint enhance`: augments a base scene, measures the gain on the test photos, and discards a result that
+//! is worse than the base.
 
 use std::{
     fs,
@@ -47,12 +48,12 @@ pub(super) mod drive;
 pub(super) mod report;
 
 const EXAMPLES: &str = "\
-Gaussians are placed where they take most from the squared error of all training photos together: supplementary ones, whose \
-opacity depends on the view, or plain ones where those gain more. Then all learn together with the base. Of --ratio, --bytes and \
---time the tightest holds; without --ratio and --bytes Gaussians are added until one gains less than training on for the time that it takes. What is \
-spent on which, and what is left out and why, is printed before it is done. Only training photos are \
-used; the gain is then measured on the test photos. With --method augs the paper's own way is taken: 2D Gaussians are fitted to what \
-the base gets wrong in each photo, lifted into the scene and optimised together with the base's opacities.
+Gaussians are placed to reduce the squared error of all training photos most: with a lobe, so that their opacity depends on \
+the viewing direction, or plain if those gain more. Then everything learns together with the base. The tightest of --ratio, \
+--bytes and --time holds. Without --ratio and --bytes, Gaussians are added until another one would gain less than the same \
+time of longer training. The plan is printed first: the gain of each kind, and the candidates left out, with reasons. Only \
+training photos are used; the gain is then measured on the test photos. --method augs is the paper's method: it fits 2D \
+Gaussians to the base's errors in each photo, lifts them into the scene and optimizes them together with the base's opacities.
 
 Examples:
   glint enhance garden --base base.ply -o augmented.ply
@@ -60,14 +61,15 @@ Examples:
   glint enhance garden --base base.ply -o augmented.ply --bytes 2MB --time 60s
   glint enhance garden --base base.ply -o augmented.ply --method augs --preset quick
 
-What the joint phase has learned, and with --method augs what photos were lifted to, is saved every minute, on an error and on Ctrl-C in \
-augmented.checkpoint.safetensors. The same command resumes there, unless it has --time, and removes it in the end.";
+A checkpoint, augmented.checkpoint.safetensors, is saved every minute, on an error and on Ctrl-C. It has the state of the \
+joint phase, and with --method augs the lifted Gaussians. The same command resumes from it and removes it at the end. With \
+--time there is no checkpoint.";
 
-/// How many steps the 2D phase of the paper's method takes.
+/// Number of steps in the screen phase of the paper's method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Preset {
-    /// The same with shorter rounds, for previews and machines without a GPU
+    /// Shorter rounds, for previews and machines without a GPU
     Quick,
     /// The paper's numbers of steps
     Paper,
@@ -87,36 +89,40 @@ enum Weights {
     Plain,
 }
 
-/// Both sides of every ⚖ of docs/method.md.
+/// Options for every ⚖ of docs/method.md.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
-#[command(next_help_heading = "What the paper leaves open")]
+#[command(next_help_heading = "Points that the paper leaves open")]
 pub(super) struct ChoiceArgs {
-    /// Rounds of the 2D phase of --method augs [default: paper; of demo: quick]
+    /// Rounds of the screen phase of --method augs [default: paper; demo: quick]
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// A pixel's depth is where its transmittance first falls below this; the authors' release has 0.7
+    /// Take a pixel's depth at the first point with a transmittance below this, 0.01 to 0.99; the authors'
+    /// release uses 0.7
     #[arg(long, value_name = "T", default_value_t = 0.5, value_parser = parse_share)]
     depth_threshold: f32,
-    /// A pixel's depth is that of its median Gaussian's centre, instead of the Gaussian's maximum along the ray
+    /// Take a pixel's depth at the center of its median Gaussian, instead of at the Gaussian's maximum
+    /// along the ray
     #[arg(long)]
     centre_depth: bool,
-    /// Adam's bias correction counts the steps of the whole view, as the authors' release does, instead of by each 2D Gaussian's own
+    /// Count the steps of the whole view for Adam's bias correction, as the authors' release does, instead
+    /// of those of each 2D Gaussian
     #[arg(long)]
     shared_steps: bool,
-    /// Separating foreground from background fails while this group has fewer than 3 points
+    /// Group that must have at least 3 points to separate foreground from background
     #[arg(long, value_enum, default_value_t = Failure::Largest)]
     cluster_failure: Failure,
     /// Weights of the covariance of a group
     #[arg(long, value_enum, default_value_t = Weights::Squared)]
     pca_weights: Weights,
-    /// Use Adam's bias correction for all parameters of the joint phase of --method augs, not only for the lobes
+    /// Use Adam's bias correction for all parameters of the joint phase of --method augs, not only for
+    /// lobes
     #[arg(long)]
     bias_correction: bool,
 }
 
 impl ChoiceArgs {
-    /// A method's options with these choices.
+    /// Options of a method with these choices.
     ///
     /// # Errors
     /// [`Error::Usage`] for a choice that the method does not have.
@@ -130,7 +136,7 @@ impl ChoiceArgs {
                 ("--bias-correction", self.bias_correction),
             ];
             if let Some((name, _)) = of_augs.into_iter().find(|(_, given)| *given) {
-                return Err(Error::Usage(format!("{name} is a choice of --method augs")));
+                return Err(Error::Usage(format!("{name} needs --method augs")));
             }
         }
         let preset = match (method, self.preset.unwrap_or(preset)) {
@@ -165,8 +171,8 @@ impl ChoiceArgs {
     }
 }
 
-/// Augment a base scene, trained here or elsewhere, from the photos
-// Serialised into the settings of a checkpoint: an option that is new is in them unless it says that it changes nothing there.
+/// Augment a base scene from photos
+// Serialized into the settings of a checkpoint. A new option becomes part of them unless it is skipped.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[command(after_help = EXAMPLES)]
@@ -174,26 +180,27 @@ pub(super) struct Args {
     /// Folder or JSON file of the dataset
     #[serde(skip)]
     dataset: PathBuf,
-    /// 3DGS PLY of the base scene
+    /// Base scene, from glint or any other 3DGS trainer, in any format that glint reads
     #[arg(long, value_name = "PLY")]
     #[serde(skip)]
     base: PathBuf,
-    /// PLY file to write: the base as any viewer reads it, and behind it what only glint reads
+    /// Output PLY file: other viewers show its base, glint also shows the added Gaussians
     #[arg(short, long, value_name = "PLY")]
     #[serde(skip)]
     output: PathBuf,
-    /// How Gaussians are placed
+    /// Method that finds the added Gaussians
     #[arg(long, value_enum, default_value_t)]
     method: Method,
-    /// Gaussians that may be added, per Gaussian of the base [default: with --method augs 0.1, else as many as gain more than training
-    /// on, 0.25 at most]
+    /// Maximum number of added Gaussians, per Gaussian of the base, from 0 to 10 [default: those that gain
+    /// more than longer training, at most 0.25; 0.1 with --method augs]
     #[arg(long, value_parser = parse_ratio)]
     ratio: Option<f64>,
-    /// Bytes that added Gaussians may take in the file, such as 500kB or 2MB. Where `vertex` stays the base that was given, what it became
-    /// is kept beside it, and not counted
+    /// Maximum size of the added Gaussians in the file, such as 500kB or 2MB. A changed base stored next to
+    /// the original one does not count
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     bytes: Option<u64>,
-    /// Time from now until the scene is written, such as 60s or 5m: the joint phase has as many steps as find time. Two runs differ
+    /// Time until the scene is written, such as 60s or 5m; the joint phase has as many steps as fit. Two
+    /// runs differ
     #[arg(long, value_parser = duration)]
     #[serde(skip)]
     time: Option<Duration>,
@@ -203,10 +210,10 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     watch: WatchArgs,
-    /// Seed of the draws and of the order of photos; the same seed and device give the same scene
+    /// Seed of random numbers and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u32,
-    /// Print JSON: what was added and how long each phase took
+    /// Print JSON with the added Gaussians, the times of all phases and the gain
     #[arg(long)]
     #[serde(skip)]
     json: bool,
@@ -228,7 +235,7 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     device: DeviceArgs,
-    // Last, for its heading goes on to what follows.
+    // Must be last: its help heading also applies to the options after it.
     #[command(flatten)]
     #[serde(flatten)]
     choices: ChoiceArgs,
@@ -238,7 +245,7 @@ fn parse_ratio(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|r| (0.0..=10.0).contains(r)).ok_or_else(|| "expected a number from 0 to 10".into())
 }
 
-/// "500", "500kB", "2MB", "1.5GB".
+/// Parses "500", "500kB", "2MB" or "1.5GB".
 fn parse_bytes(text: &str) -> Result<u64, String> {
     let units = [("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B", 1.0)];
     let (number, unit) =
@@ -252,15 +259,15 @@ fn parse_share(text: &str) -> Result<f32, String> {
     found.ok_or_else(|| "expected a number from 0.01 to 0.99".into())
 }
 
-/// What a test PSNR may lose, dB, before an augmentation that nobody gave a budget is discarded: less than any seed moves it by
-/// (docs/experiments/2026-11-23-augmentation.md), so that what is only chance is kept.
+/// Loss of test PSNR, dB, above which an augmentation without a budget is discarded. Seeds move the PSNR by
+/// more (docs/experiments/2026-11-23-augmentation.md).
 const WORSE_DB: f64 = 0.02;
 
-/// What an augmentation is made of.
+/// Inputs of an augmentation.
 struct Task<'a> {
     dataset: &'a Dataset,
     photos: Vec<&'a Photo>,
-    /// The base.
+    /// Base.
     scene: &'a Scene,
     options: EnhanceOptions,
     policy: Policy,
@@ -278,10 +285,11 @@ impl Args {
             TrainedWith { exposure: trained_with.exposure, ..photo_args.trained_with(policy.compensate) };
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
-        // What is learned far away is rounded by no file; what counts from elsewhere stays bit for bit.
+        // Positions far from 0 would be rounded when they learn. A scene whose origin is elsewhere keeps
+        // its bits.
         let scene = if origin == DVec3::ZERO { scene } else { scene.around(origin) };
         let inputs = Inputs::default().scene(&self.base).dataset(&dataset);
-        // A run by time reads no checkpoint, so it owns no output.
+        // A run by time reads no checkpoint, so it does not own an earlier output.
         let owns = self.time.is_none() && KeepArgs::owns(&self.output);
         self.replace.or(owns).check_ply(&self.output, &inputs)?;
         let _ours = Lock::take(&self.output)?;
@@ -306,7 +314,7 @@ impl Args {
         self.watch.with(&run, |context, look_at| self.augment(context, look_at, &task, end))
     }
 
-    /// The base, which must be one.
+    /// Reads the base; fails if it is augmented or has no harmonics.
     fn base_scene(&self) -> Result<SceneFile> {
         let file = self.lenient.open_file(&self.base)?;
         if file.scene.supplement.is_some() {
@@ -315,18 +323,18 @@ impl Args {
         }
         let colors = color::of(file.scene.base.sh_degree);
         if colors.harmonics.is_none() {
-            return Err(Error::input(&self.base, format!("has {}, expected a base of harmonics", colors.name)));
+            return Err(Error::input(&self.base, format!("has {}, expected a base with harmonics", colors.name)));
         }
         Ok(file)
     }
 
-    /// The augmentation itself, which has until `end`, and what is told of it.
+    /// Runs the augmentation, until `end` at the latest, and prints its report.
     fn augment(&self, context: &Context, look_at: &mut Look<'_>, task: &Task<'_>, end: Option<Instant>) -> Outcome {
         let Task { dataset, photos, scene, options, policy, trained_with } = task;
         let (background, extent) = (dataset.background, dataset.extent() as f32);
         let session = self.learn.session(context, *policy, background, extent, self.seed.into());
         let (views, checksums) = upload(context, photos, background, 0)?;
-        // How many steps a run by the clock has would not be the same.
+        // A run by time has another number of steps each time, so it has no checkpoint.
         let mut kept = None;
         if self.time.is_none() {
             let base = fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
@@ -335,7 +343,7 @@ impl Args {
             kept = Some(Kept::new(&self.output, settings, &self.keep, *trained_with));
         }
         let earlier = kept.as_mut().map(Kept::find).transpose()?.flatten();
-        // The time of a resumed joint phase is not that of all its steps, and a run by time has none left.
+        // A resumed joint phase was timed only in part, and a run by time has no time left to repeat it.
         let repeat = self.time.is_none() && earlier.is_none();
         let joins = options.join.steps_per_view as usize * photos.len();
         let length = self.time.map_or_else(|| counted(joins, "joint step"), |time| format!("{time:?}"));
@@ -350,7 +358,7 @@ impl Args {
             silent: self.json,
         };
         let mut found = run_with_progress(&session, scene, &views, options, beside, look_at)?;
-        // Before anything else can fail: what was learned is kept.
+        // Written before anything else can fail.
         write_ply(&self.output, &found.scene, found.original.as_ref(), *trained_with)?;
         let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
         let ended = interrupt.asked() && found.join.is_some() && joint_steps < found.steps;
@@ -358,7 +366,7 @@ impl Args {
         if let (Some(kept), false) = (&kept, ended) {
             kept.remove()?;
         }
-        // Whoever ends it early waits for nothing more.
+        // After an interrupt, the result is not measured.
         let (gain, discarded) =
             if ended { (None, false) } else { self.judge(&session, (&views, repeat), task, &mut found)? };
         let report = self.report(context, task, &found, gain, discarded)?;
@@ -368,15 +376,15 @@ impl Args {
         }
         if ended {
             let (output, steps) = (report.output, found.steps);
-            let on = if kept.is_some() { ", and the same command resumes there" } else { "" };
+            let on = if kept.is_some() { "; run the same command to resume" } else { "" };
             return Err(Ended::Interrupted(format!(
-                "ended after {joint_steps} of {steps} joint steps; {output} has what was learned in them{on}"
+                "interrupted after {joint_steps} of {steps} joint steps; {output} has their result{on}"
             )));
         }
         Ok(())
     }
 
-    /// What the test photos say of the augmentation, and whether it was discarded for that.
+    /// Measures the gain on the test photos. Returns it, and whether the augmentation was discarded.
     fn judge(
         &self,
         session: &Session,
@@ -386,9 +394,9 @@ impl Args {
     ) -> Result<(Option<Gain>, bool)> {
         let &Task { dataset, scene, trained_with, .. } = task;
         let mut gain = match gain(session, scene, found, dataset, views) {
-            // What was made is made, whether or not it can be judged.
+            // The augmentation stands even if it cannot be measured.
             Err(error @ Error::Input { .. }) => {
-                note(format!("what was gained on the test photos is not known: {error}"));
+                note(format!("the gain on the test photos is unknown: {error}"));
                 None
             }
             judged => judged?,
@@ -398,13 +406,13 @@ impl Args {
         let discarded = self.asks_for_nothing() && change < -WORSE_DB;
         if discarded {
             note(format!(
-                "the test photos are {:.2} dB worse than the base alone has them, so the base is what was written; a \
-                 budget (--ratio, --bytes, --time) is spent whatever they say",
+                "the augmented scene is {:.2} dB worse on the test photos than the base, so the base was written; with \
+                 a budget (--ratio, --bytes, --time) the augmented scene is written in any case",
                 -change
             ));
             write_ply(&self.output, scene, None, trained_with)?;
         } else if found.original.is_none() && known.base_alone.psnr < known.before.psnr {
-            // The training photos did not tell.
+            // On the training photos, the changed base alone was better.
             found.original = Some(scene.base.clone());
             known.base_alone = known.before;
             write_ply(&self.output, &found.scene, found.original.as_ref(), trained_with)?;
@@ -412,7 +420,7 @@ impl Args {
         Ok((gain, discarded))
     }
 
-    /// What is printed in the end. What the user would not expect is told at once.
+    /// Collects the report, and prints notes on the budget.
     fn report<'a>(
         &'a self,
         context: &'a Context,
@@ -455,18 +463,18 @@ impl Args {
         })
     }
 
-    /// Whether the way and the budget are left to glint.
+    /// Whether method and budget are glint's defaults.
     fn asks_for_nothing(&self) -> bool {
         self.method == Method::Pursuit && self.ratio.is_none() && self.bytes.is_none() && self.time.is_none()
     }
 
-    /// What is to be done within the budget that was given.
+    /// Options of the augmentation, by method and budget.
     fn options(&self) -> Result<EnhanceOptions> {
         let options = self.choices.options(self.method, Preset::Paper)?;
         if self.method == Method::Augs {
             let of_pursuit = [("--bytes", self.bytes.is_some()), ("--time", self.time.is_some())];
             if let Some((name, _)) = of_pursuit.into_iter().find(|(_, given)| *given) {
-                return Err(Error::Usage(format!("{name} is a choice of --method pursuit")));
+                return Err(Error::Usage(format!("{name} needs --method pursuit")));
             }
             return Ok(EnhanceOptions { ratio: self.ratio.unwrap_or(options.ratio), ..options });
         }
@@ -479,7 +487,8 @@ impl Args {
     }
 }
 
-/// Tells why more or less was added than a budget says, of `budget` Gaussians in all; `plain` of them have no lobe.
+/// Prints notes if the budget was exceeded or nothing was added. `budget` counts all Gaussians allowed,
+/// `plain` the added ones without a lobe.
 fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
     let (bases, ratio) = (task.scene.base.len(), task.options.ratio);
     let cap = (ratio * bases as f64).ceil();
@@ -498,9 +507,9 @@ fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
         let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.below_training_on, p.beyond));
         note(match (below, beyond) {
             _ if budget == 0 => "nothing was added: the budget is less than one Gaussian",
-            (0, 0) => "nothing was added: no view had anything left that more Gaussians made better",
-            (0, _) => "nothing was added: the budget has no room for what would gain something",
-            _ => "nothing was added: training on gains more than Gaussians do; the scene is as it was",
+            (0, 0) => "nothing was added: no candidate gains anything",
+            (0, _) => "nothing was added: no candidate that gains something fits the budget",
+            _ => "nothing was added: longer training gains more than Gaussians do; the scene is unchanged",
         });
     }
 }

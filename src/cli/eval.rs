@@ -1,4 +1,4 @@
-//! `glint eval`: PSNR, SSIM and LPIPS of a scene against the photos of a dataset.
+//! `glint eval`: measures PSNR, SSIM and LPIPS of a scene against the photos of a dataset.
 
 use std::path::PathBuf;
 
@@ -23,9 +23,9 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-PSNR and SSIM (window 11, σ 1.5) are of unquantised renders clamped to 0 to 1, as sRGB values, against 8-bit photos. \
-\"base\" is the base Gaussians of the file as they are stored; augmenting a scene changes their opacities, so it is not \
-the scene that was augmented. Without a supplement \"augmented\" is the same as \"base\".
+PSNR and SSIM (window 11, σ 1.5) compare renders with 8-bit photos. Renders are sRGB values clamped to between 0 and 1, not \
+quantized. \"base\" has the base Gaussians as stored in this file; augmenting changes their opacities, so it is not the \
+scene that was augmented. Without a supplement, \"augmented\" equals \"base\".
 
 `glint report` shows the renders and their errors on a page.
 
@@ -35,27 +35,28 @@ Examples:
   glint eval augmented.ply garden --lpips vgg.safetensors
   glint eval base.ply lego --split all --json | jq .base.psnr";
 
-/// Compare a scene with the photos: PSNR and SSIM of each view and their means
+/// Measure a scene against photos: PSNR and SSIM of each view, and their means
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Scene
+    /// Scene to measure
     scene: PathBuf,
     /// Folder or JSON file of the dataset
     dataset: PathBuf,
     /// Photos to compare with
     #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
-    /// Print JSON: {"base":{"psnr","ssim"},"augmented":{"psnr","ssim"},"views":[{"name","base","augmented"}]}; an infinite
-    /// PSNR is null
+    /// Print JSON:
+    /// {"base":{"psnr","ssim"},"augmented":{"psnr","ssim"},"views":[{"name","base","augmented"}]}; an
+    /// infinite PSNR is null
     #[arg(long)]
     json: bool,
-    /// Compare the scene's diffuse and specular light with the true parts beside the photos as well (folders diffuse and
-    /// specular, as glint synth writes them): PSNR of each in linear light, in JSON under "decomposition"
+    /// Also compare diffuse and specular light with the true parts of each photo (folders diffuse and
+    /// specular, as glint synth writes them): PSNR in linear light. JSON: "decomposition"
     #[arg(long)]
     decomposition: bool,
-    /// Weights of LPIPS (AlexNet's or VGG's, which the tensors' names tell): the state_dict of lpips.LPIPS, without its lins.*
-    /// copies, as safetensors. LPIPS of each view and its mean, in JSON under "lpips"
+    /// Also compute LPIPS with these weights: the state_dict of lpips.LPIPS without its lins.* copies, as
+    /// safetensors. The names of its tensors decide between AlexNet and VGG. JSON: "lpips"
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
     #[command(flatten)]
@@ -75,7 +76,7 @@ impl Args {
         let dataset = photos.open(&self.dataset)?;
         let photos = photos_of(&dataset, self.split.split())?;
         if scene.supplement.is_none() {
-            note(format!("{} has no supplement: lobes are not compiled, the base is the whole", self.scene.display()));
+            note(format!("{} has no supplement: its base is the whole scene", self.scene.display()));
         }
         let lpips = self.lpips.as_ref().map(Lpips::read).transpose()?;
         let augmented = scene.supplement.is_some();
@@ -107,7 +108,7 @@ impl Args {
     }
 }
 
-/// All that is printed.
+/// Content of `--json`.
 #[derive(Serialize)]
 struct Numbers<'a> {
     #[serde(flatten)]
@@ -118,7 +119,8 @@ struct Numbers<'a> {
     lpips: Option<&'a Distances>,
 }
 
-/// A row for each view and the mean; the columns of the supplement, and of the parts, only where there are such.
+/// Table with a row for each view and one for the mean. It has columns of the supplement and of the parts
+/// only if those exist.
 fn table(numbers: &Numbers<'_>, augmented: bool) -> Table {
     let Numbers { found, decomposition: parts, lpips } = *numbers;
     let text = Column { key: "view", title: "view", unit: "", decimals: 0 };

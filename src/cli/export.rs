@@ -1,4 +1,4 @@
-//! `glint export`: writes a scene as a page for browsers.
+//! `glint export`: writes a scene as an HTML page for browsers.
 
 use std::path::PathBuf;
 
@@ -16,14 +16,15 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-The page needs a browser with WebGPU or WebGL2 and nothing else: no network, no files beside it. It shows the base, the Gaussians with \
-lobes or both, from any side, and from the cameras of the dataset if one is named. Positions are kept as 32-bit floats, all else \
-as 16, 15 or 8 bits: 80 bytes a Gaussian of SH degree 3 and 16 more for a lobe, which as text take a third more.
+The page needs a browser with WebGPU or WebGL2 and nothing else: no network, no other files. It shows the base, the Gaussians \
+with lobes or both, from any side, and from the cameras of the dataset if one is given. Positions are 32-bit floats, all else \
+has 16, 15 or 8 bits: 80 bytes for a Gaussian of SH degree 3, 96 with a lobe, or 48 with a lobe and a single color. Encoding \
+as text adds a third.
 
-Behind the page's address, # and words joined by & say what it begins with: camera=NAME (or width, height, fx, fy, cx, cy, the \
-rotation from world to camera by rows and the translation as 18 numbers with commas between), show=both|base|supplement, \
-background=R,G,B, renderer=webgpu|webgl2. With size=WIDTHxHEIGHT the page is a still image of so many pixels, the same every time.
-Without renderer= WebGPU draws where the browser has it on a graphics device, but not a still image.
+Settings after # in the page's address, joined by &, select its initial state: camera=NAME (or 18 numbers with commas between: \
+width, height, fx, fy, cx, cy, the rotation from world to camera by rows, the translation), show=both|base|supplement, \
+background=R,G,B, renderer=webgpu|webgl2. size=WIDTHxHEIGHT makes the page a still image of this size, the same every time. By \
+default WebGPU draws if the browser runs it on a graphics device; a still image is drawn by WebGL2.
 
 Examples:
   glint export --html augmented.html augmented.ply garden
@@ -31,18 +32,18 @@ Examples:
   xdg-open augmented.html
   chromium --headless --screenshot --window-size=640,480 'file:///tmp/augmented.html#camera=DSC01.JPG&size=640x480'";
 
-/// Write a scene as a page for browsers
+/// Write a scene as an HTML page for browsers
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Scene
+    /// Scene to show
     scene: PathBuf,
-    /// Folder or JSON file of a dataset, whose cameras are listed on the page
+    /// Folder or JSON file of a dataset; the page lists its cameras
     dataset: Option<PathBuf>,
-    /// Page to write
+    /// Output HTML file
     #[arg(long, value_name = "FILE.html")]
     html: PathBuf,
-    /// Photos whose cameras are listed
+    /// Photos whose cameras the page lists
     #[arg(long, value_enum, default_value_t = SplitArg::All)]
     split: SplitArg,
     /// Print JSON
@@ -64,7 +65,7 @@ struct Report {
     supplementary: usize,
     sh_degree: u32,
     cameras: usize,
-    /// Before they are written as text.
+    /// Bytes before encoding as text.
     bytes_per_gaussian: usize,
     bytes_per_gaussian_with_lobe: usize,
     page_bytes: usize,

@@ -1,4 +1,5 @@
-//! How a scene gets on while it is trained: now and then it is looked at from the test cameras, and each time is a line of a file.
+//! History of a training run: evaluates the scene on the test photos every few steps, and writes a line and
+//! a picture each time.
 
 use std::{
     fs,
@@ -24,18 +25,18 @@ use crate::{
     scene::Scene,
 };
 
-/// What takes the place of the output's extension: the file, and the folder of pictures.
+/// Extensions that replace the output's: of the file, and of the folder of pictures.
 const FILE: &str = "history.jsonl";
 const FOLDER: &str = "history";
-/// What the pictures' names begin with.
+/// Prefix of the pictures' names.
 const STEP: &str = "step-";
 
-/// A line, as `glint report --history` reads it, and more.
+/// Line of the file; `glint report --history` reads a subset of it.
 #[derive(Serialize)]
 struct Line<'a> {
     name: &'a str,
     step: u32,
-    /// Of training, without the evaluations.
+    /// Time of training, without evaluations, seconds.
     seconds: f64,
     bytes: u64,
     gaussians: usize,
@@ -46,17 +47,17 @@ struct Line<'a> {
     holdout: &'a str,
 }
 
-/// What is known of a run at a step beside its scene.
+/// State of a run at a step, without its scene.
 pub(super) struct Moment {
     pub(super) step: u32,
     pub(super) seconds: f64,
-    /// Of the scene's file, but for its header.
+    /// Size of the scene's file without its header, bytes.
     pub(super) bytes: u64,
     /// Mean over the last pass through the photos.
     pub(super) loss: f64,
 }
 
-/// The evaluations of one run.
+/// Evaluations of one run.
 pub(super) struct History<'a> {
     context: &'a Context,
     photos: Vec<&'a Photo>,
@@ -67,14 +68,14 @@ pub(super) struct History<'a> {
     path: PathBuf,
     folder: PathBuf,
     lines: String,
-    /// Of the runs before this one.
+    /// Time of earlier runs, seconds.
     seconds: f64,
-    /// It was said that it cannot be written.
+    /// Whether a note has reported that the file cannot be written.
     warned: bool,
 }
 
 impl<'a> History<'a> {
-    /// Beside `output`, of `photos`.
+    /// History of a run that writes `output`, measured on `photos`.
     pub(super) fn new(
         context: &'a Context,
         output: &Path,
@@ -89,7 +90,8 @@ impl<'a> History<'a> {
         History { context, photos, background, name, seed, holdout, path, folder, lines, seconds, warned }
     }
 
-    /// Goes on from what an earlier run wrote until `resumed`; of a new run nothing may be there, unless it may be replaced.
+    /// Continues the history of an earlier run up to step `resumed`. A new run fails if there is a history,
+    /// unless it may be replaced.
     pub(super) fn begin(&mut self, resumed: Option<u32>, replace: &OutputArgs, inputs: &Inputs) -> Result<()> {
         let Some(step) = resumed else {
             replace.check_file(&self.path, "jsonl", "a history", inputs)?;
@@ -100,12 +102,12 @@ impl<'a> History<'a> {
             let pictures =
                 names.iter().map(String::as_str).filter(|name| name.starts_with(STEP) && name.ends_with(".png"));
             replace.check_files(&self.folder, pictures.clone(), inputs)?;
-            // Those that may be replaced are of another run.
+            // Pictures that may be replaced belong to another run.
             return pictures
                 .map(|name| self.folder.join(name))
                 .try_for_each(|path| fs::remove_file(&path).map_err(|error| Error::io(&path, error)));
         };
-        // The run before may have kept no history.
+        // The earlier run may have had no history.
         replace.make_folder(&self.folder, inputs)?;
         let text = match fs::read_to_string(&self.path) {
             Ok(text) => text,
@@ -114,8 +116,8 @@ impl<'a> History<'a> {
         };
         for line in text.lines() {
             let value: Value = serde_json::from_str(line)
-                .map_err(|error| Error::input(&self.path, format!("is no history, expected JSON lines: {error}")))?;
-            // What was measured after the checkpoint is measured again.
+                .map_err(|error| Error::input(&self.path, format!("is not a history, expected JSON lines: {error}")))?;
+            // Steps after the checkpoint are evaluated again.
             if value["step"].as_u64().is_some_and(|at| at <= step.into()) {
                 self.lines += line;
                 self.lines += "\n";
@@ -125,17 +127,18 @@ impl<'a> History<'a> {
         Ok(())
     }
 
-    /// Whether there is a line of `step`.
+    /// Whether there is a line for `step`.
     pub(super) fn has(&self, step: u32) -> bool {
         let of = |line: &str| serde_json::from_str::<Value>(line).is_ok_and(|value| value["step"] == step);
         self.lines.lines().any(of)
     }
 
-    /// Looks at `scene` from every test camera, and writes a line and a picture of the first: photo, render and error. A disk that has no
-    /// room for them is said once, and no reason to end: the next line brings those before it.
+    /// Evaluates `scene` on all test photos. Writes a line, and a picture of the first photo, its render
+    /// and its error. If the disk is full, a note reports it once and the run continues; the next line is
+    /// written together with the missing ones.
     pub(super) fn add(&mut self, scene: &Scene, moment: Moment, options: RenderOptions) -> Result<()> {
         let Moment { step, seconds, bytes, loss } = moment;
-        let progress = Progress::new("looking", "views", self.photos.len() as u64);
+        let progress = Progress::new("evaluating", "views", self.photos.len() as u64);
         let mut first = None;
         let found = evaluate(self.context, scene, &self.photos, options, self.background, |view| {
             progress.advance();
@@ -168,7 +171,7 @@ impl<'a> History<'a> {
         });
         match line.and(picture) {
             Err(error @ Error::Io { .. }) if !self.warned => {
-                note(format!("what the test photos say cannot be kept: {error}"));
+                note(format!("the evaluation cannot be saved: {error}; the run continues"));
                 self.warned = true;
             }
             Err(Error::Io { .. }) => {}
@@ -180,7 +183,7 @@ impl<'a> History<'a> {
     }
 }
 
-/// One beside the other.
+/// Places pictures side by side.
 fn row(pictures: &[RgbImage]) -> RgbImage {
     let width = pictures.iter().map(RgbImage::width).sum();
     let mut all = RgbImage::new(width, pictures.iter().map(RgbImage::height).max().unwrap_or(0));

@@ -18,32 +18,33 @@ use crate::{
 const EXAMPLES: &str = "\
 Examples:
   glint info augmented.ply
-  glint info augmented.ply --plan --resolution 3840x2160 --half     what an engine will hold to draw it
+  glint info augmented.ply --plan --resolution 3840x2160 --half     memory that an engine needs to draw it
   glint info garden                                                a dataset";
 
-/// Show what a scene or a dataset holds
+/// Describe a scene or a dataset
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Scene, or folder or JSON file of a dataset: told apart by its contents
+    /// Scene, or folder or JSON file of a dataset; the contents decide
     #[arg(value_name = "SCENE|DATASET")]
     path: PathBuf,
     #[command(flatten)]
     lenient: SceneArgs,
     #[command(flatten)]
     dataset: DatasetArgs,
-    /// Of a scene, also what rendering compiles and stores, what it leaves out and why, and the memory that it takes
+    /// For a scene, also show the kernels, buffers and memory of rendering, and the parts that it leaves
+    /// out
     #[arg(long)]
     plan: bool,
-    /// Pixels of the plan's view
+    /// Size of the plan's view, pixels
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1080", value_parser = parse_size, requires = "plan")]
     resolution: Size,
-    /// Plan at half width
+    /// Plan a model of half width
     #[arg(long, requires = "plan")]
     half: bool,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Print JSON; "kind" is "scene" or "dataset", and "plan" is in a scene where it was asked for
+    /// Print JSON; "kind" is "scene" or "dataset", and a scene has "plan" with --plan
     #[arg(long)]
     json: bool,
 }
@@ -59,7 +60,7 @@ fn parse_size(text: &str) -> Result<Size, String> {
     }
 }
 
-/// Pixels of a side.
+/// Maximum side of a view, pixels.
 const MOST_SIDE: u32 = 1 << 15;
 
 #[derive(Serialize)]
@@ -88,7 +89,7 @@ impl Args {
             None | Some(Kind::Json) if self.plan => {
                 return Err(Error::input(path, "is a dataset, expected a scene for --plan").into());
             }
-            // Of a video nothing is one, and what to make of it is said there.
+            // A video is not a dataset; `open` explains what to do with it.
             None | Some(Kind::Json | Kind::Video) => {
                 Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?))
             }
@@ -114,7 +115,7 @@ impl Args {
     }
 }
 
-/// Lines of a title and what there is to say; writing to a string cannot fail.
+/// Lines of a title and a text. Writing to a string cannot fail.
 struct Lines(String);
 
 impl Lines {
@@ -129,7 +130,7 @@ fn spread(spread: &Option<Spread>) -> String {
     })
 }
 
-/// In words; nothing where the file says nothing.
+/// Settings in words; empty if the file has none.
 fn trained_text(&TrainedWith { background, antialiased, max_size, exposure }: &TrainedWith) -> String {
     let said = [
         background.map(|[r, g, b]| format!("background {r},{g},{b}")),
@@ -191,7 +192,7 @@ fn dataset_text(dataset: &DatasetSummary) -> String {
     let mut lines = Lines(String::new());
     lines.add("dataset", dataset.format);
     lines.add("photos", format_args!("{} ({} train, {} test)", dataset.photos, dataset.train, dataset.test));
-    // Photo collections have as many sizes as photos.
+    // Photo collections may have a different size for each photo.
     let shown = 3;
     let mut sizes: Vec<String> =
         dataset.sizes.iter().take(shown).map(|s| format!("{} × {} ({})", s.width, s.height, s.photos)).collect();
@@ -203,13 +204,13 @@ fn dataset_text(dataset: &DatasetSummary) -> String {
     if dataset.undistorted > 0 {
         let outside = 100.0 * dataset.outside;
         let text = format!(
-            "taken out of {}, {outside:.1} % of one at most does not count",
+            "removed from {}; at most {outside:.1} % of one does not count",
             counted(dataset.undistorted, "photo")
         );
         lines.add("distortion", text);
     }
     if dataset.masked > 0 {
-        lines.add("masks", format_args!("of {}", counted(dataset.masked, "photo")));
+        lines.add("masks", counted(dataset.masked, "photo"));
     }
     lines.add("extent", format_args!("{:.4} scene units", dataset.extent));
     if let (Some(center), Some(radius)) = (dataset.focus_center, dataset.focus_radius) {

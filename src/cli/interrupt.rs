@@ -1,4 +1,4 @@
-//! Ctrl-C, what a batch system sends before it kills, and the end of the terminal: what was learned so far is kept.
+//! Ends a run early on Ctrl-C, SIGTERM or the end of its terminal, so that it can save its scene.
 
 use std::{
     cell::Cell,
@@ -18,11 +18,12 @@ use signal_hook::{
 use super::caller;
 use crate::{Error, Result};
 
-/// What a shell says of a command that Ctrl-C ended.
+/// Exit code by which shells report Ctrl-C.
 pub(super) const EXIT_CODE: u8 = 130;
 
-/// From [`Interrupt::listen`] on the first signal only asks for an end, and the second ends the process as one always did.
-/// Before, and once this is gone, there is nothing to keep: the first signal ends the process.
+/// Handler of signals. After [`Interrupt::listen`], the first signal requests a stop and the second ends
+/// the process. Before that, and after the drop, there is nothing to save and the first signal ends the
+/// process.
 #[derive(Default)]
 pub(super) struct Interrupt {
     asked: Arc<AtomicBool>,
@@ -30,14 +31,14 @@ pub(super) struct Interrupt {
 }
 
 impl Interrupt {
-    /// Begins, if it has not yet begun.
+    /// Starts handling signals, unless it already has.
     pub(super) fn listen(&self) -> Result<()> {
-        // A program that runs this command has signals of its own.
+        // A program that embeds this command handles signals itself.
         if self.listening.replace(true) || caller::listen(true) {
             return Ok(());
         }
         for &signal in signals() {
-            // In this order: the first signal finds the flag unset, and then sets it.
+            // The order matters: the first signal finds the flag unset, and then sets it.
             flag::register_conditional_shutdown(signal, EXIT_CODE.into(), Arc::clone(&self.asked))
                 .and_then(|_| flag::register(signal, Arc::clone(&self.asked)))
                 .map_err(|error| Error::io("signals", error))?;
@@ -46,14 +47,14 @@ impl Interrupt {
         Ok(())
     }
 
-    /// Whether an end was asked for.
+    /// Whether a stop was requested.
     pub(super) fn asked(&self) -> bool {
         self.asked.load(Ordering::Relaxed) || (self.listening.get() && caller::asked())
     }
 }
 
-/// Those that ask for an end. The end of a terminal does so unless whoever started this has it ignored, as nohup does; where it cannot be
-/// known whether it is ignored, nothing is changed.
+/// Signals that request a stop. SIGHUP is one of them unless the parent process ignores it, as nohup does,
+/// or this is unknown.
 fn signals() -> &'static [i32] {
     #[cfg(target_os = "linux")]
     if std::fs::read_to_string("/proc/self/status").is_ok_and(|status| !ignores(&status, SIGHUP)) {
@@ -62,7 +63,7 @@ fn signals() -> &'static [i32] {
     &[SIGINT, SIGTERM]
 }
 
-/// Whether a process whose `/proc/PID/status` this is ignores a signal, or does not say.
+/// Whether a process with this `/proc/PID/status` ignores a signal; also true if the text does not tell.
 #[cfg(target_os = "linux")]
 fn ignores(status: &str, signal: i32) -> bool {
     let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());

@@ -1,4 +1,4 @@
-//! What is kept of a loop while it goes on, so that a run that is killed loses a minute and not a night.
+//! Checkpoint file of a run, so that a killed run loses at most a minute.
 
 use std::{
     fs,
@@ -21,58 +21,59 @@ use crate::{
     scene::layout,
 };
 
-/// What takes the place of the output's extension.
+/// Extension that replaces the output's.
 const CHECKPOINT: &str = "checkpoint.safetensors";
 
 #[derive(Debug, clap::Args)]
 pub(super) struct KeepArgs {
-    /// Seconds between checkpoints of what is being learned
+    /// Seconds between checkpoints
     #[arg(long, value_name = "SECONDS", default_value_t = 60)]
     checkpoint_every: u64,
-    /// Begin anew where an earlier run was ended, whatever its options; its checkpoint is renamed to *.old. Without this the same command
-    /// resumes it
+    /// Start over even if there is a checkpoint, whatever its options; it is renamed to *.old. Without
+    /// this, the same command resumes from it
     #[arg(long)]
     restart: bool,
 }
 
 impl KeepArgs {
-    /// Where it is kept what a run learns that writes `output`.
+    /// Checkpoint file of a run that writes `output`.
     pub(super) fn checkpoint(output: &Path) -> PathBuf {
         output.with_extension(CHECKPOINT)
     }
 
-    /// Whether an earlier run that was ended left its output at `output`, which may be replaced: a run has a checkpoint only where it was
-    /// allowed to write.
+    /// Whether an interrupted run left a checkpoint for `output`, whose output may then be replaced. A run
+    /// writes a checkpoint only if it may write its output.
     pub(super) fn owns(output: &Path) -> bool {
         Self::checkpoint(output).exists()
     }
 }
 
-/// The checkpoint of one loop.
+/// Checkpoint of one loop.
 pub(super) struct Kept {
     path: PathBuf,
     settings: Value,
-    /// For whoever reads the scene in it.
+    /// Stored in the checkpoint for commands that read it as a scene.
     trained_with: TrainedWith,
     every: Duration,
     restart: bool,
     last: Instant,
-    /// It was said that it cannot be written.
+    /// Whether a note has reported that the file cannot be written.
     warned: bool,
 }
 
 impl Kept {
-    /// Of a run that writes `output`. `settings` is everything that it depends on.
+    /// Checkpoint of a run that writes `output`. `settings` is everything that determines the result.
     pub(super) fn new(output: &Path, settings: Value, args: &KeepArgs, trained_with: TrainedWith) -> Kept {
         let &KeepArgs { checkpoint_every, restart } = args;
         let (path, every) = (KeepArgs::checkpoint(output), Duration::from_secs(checkpoint_every));
         Kept { path, settings, trained_with, every, restart, last: Instant::now(), warned: false }
     }
 
-    /// What an earlier run of the same settings left. A checkpoint that is damaged is passed over with a note.
+    /// Finds the checkpoint of an earlier run with the same settings. A note reports a damaged checkpoint,
+    /// which is ignored.
     ///
     /// # Errors
-    /// [`Error::Input`] where it is another run's, unless the run is to begin anew.
+    /// [`Error::Input`] if it belongs to another run, unless the run is to start over.
     pub(super) fn find(&mut self) -> Result<Option<Checkpoint>> {
         let (path, found) = (&self.path, Checkpoint::find(&self.path, &self.settings)?);
         let old = path.with_extension("safetensors.old");
@@ -85,31 +86,31 @@ impl Kept {
             Found::Nothing => Ok(None),
             Found::Sound(checkpoint) => {
                 let at = if checkpoint.step > 0 { format!(" after step {}", checkpoint.step) } else { String::new() };
-                note(format!("{}: resuming{at}; --restart begins anew", path.display()));
+                note(format!("{}: resuming{at}; --restart starts over", path.display()));
                 Ok(Some(checkpoint))
             }
             Found::Foreign(why) => {
                 let what = format!(
-                    "this is the checkpoint of another run: {why}; the options of before resume it, --restart begins anew and renames it \
-                     to {}",
+                    "this is the checkpoint of another run: {why}; resume it with its own options, or start over \
+                     with --restart, which renames it to {}",
                     old.file_name().unwrap_or_default().to_string_lossy()
                 );
                 Err(Error::input(path, what))
             }
             Found::Damaged(error) => {
-                note(format!("{error}; all steps are done again"));
+                note(format!("{error}; the run starts over"));
                 Ok(None)
             }
         }
     }
 
-    /// Whether it is time for another checkpoint.
+    /// Whether the next checkpoint is due.
     pub(super) fn is_due(&self) -> bool {
         self.last.elapsed() >= self.every
     }
 
-    /// Keeps `checkpoint`; whether there was room for it. A disk or a memory that is full is said once and is no reason to end: there may
-    /// be room when the loop is done.
+    /// Writes `checkpoint`. Returns false if disk or memory is full: a note reports that once and the run
+    /// continues, since there may be room at its end.
     pub(super) fn keep(&mut self, checkpoint: Result<Checkpoint>) -> Result<bool> {
         self.last = Instant::now();
         let written = checkpoint.and_then(|mut found| {
@@ -128,7 +129,7 @@ impl Kept {
                     return Err(error);
                 }
                 if !self.warned {
-                    note(format!("what was learned so far cannot be kept: {error}"));
+                    note(format!("the checkpoint cannot be saved: {error}; the run continues"));
                 }
                 self.warned = true;
                 Ok(false)
@@ -136,17 +137,17 @@ impl Kept {
         }
     }
 
-    /// Keeps what it can of a loop that ended with `error`, which it gives back.
+    /// Writes a checkpoint if it can after `error`, and returns the error.
     pub(super) fn keep_after(&mut self, error: Error, checkpoint: Result<Checkpoint>) -> Error {
         let kept = matches!(self.keep(checkpoint), Ok(true));
         if kept || self.path.exists() {
-            let what = if kept { "what was learned until now" } else { "the last checkpoint" };
-            note(format!("{what} is in {}: the same command resumes there", self.path.display()));
+            let what = if kept { "the current state" } else { "the last checkpoint" };
+            note(format!("{what} is in {}: run the same command to resume", self.path.display()));
         }
         error
     }
 
-    /// Nothing is left to go on with.
+    /// Removes the checkpoint of a finished run.
     pub(super) fn remove(&self) -> Result<()> {
         match fs::remove_file(&self.path) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::io(&self.path, error)),
@@ -155,8 +156,8 @@ impl Kept {
     }
 }
 
-/// Everything that a run depends on: its photos and their checksums as the device has them, its `options` as they were given and what
-/// they mean in this version, and what it begins with.
+/// Settings that determine the result of a run: photos and their checksums as uploaded, `options` as given,
+/// their `meaning` in this version, and the initial scene.
 pub(super) fn settings(
     session: &Session,
     photos: &[&Photo],
@@ -165,7 +166,8 @@ pub(super) fn settings(
     meaning: &str,
     begins_with: (&str, Value),
 ) -> Result<Value> {
-    // Taken apart, so that what is new in it is not forgotten. How gradients are added up does not change what they are.
+    // Destructured, so that a new field is not forgotten. The reduction is left out: it does not change the
+    // meaning of gradients.
     let &Session { context: _, policy, background, extent, seed } = session;
     let resolved = Policy { reduction: Reduction::Auto, tile: None, ..policy };
     let photo = |(photo, pixels): (&&Photo, &u32)| {

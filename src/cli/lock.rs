@@ -1,4 +1,5 @@
-//! Two runs that keep what they learn in one place would take each other's checkpoints: the second is refused.
+//! Lock on an output: a second run that writes to it is refused, because both would overwrite each other's
+//! checkpoints.
 
 use std::{
     fs::{self, File, TryLockError},
@@ -7,21 +8,22 @@ use std::{
 
 use crate::{Error, Result};
 
-/// As what is unfinished is called, so that what a killed run leaves is swept with the rest.
+/// Prefix of unfinished files, so that the sweep also removes locks of killed runs.
 const PREFIX: &str = ".glint-";
 
-/// A place that is this process's until this is gone.
+/// Lock held by this process until it is dropped.
 pub(super) struct Lock {
     path: PathBuf,
-    /// None where the file system has no locks.
+    /// `None` if the file system has no locks.
     held: Option<File>,
 }
 
 impl Lock {
-    /// Takes the place of the file or folder `of`, for whatever is kept beside the one or in the other.
+    /// Locks the output `of`: a file, or an existing folder.
     ///
     /// # Errors
-    /// [`Error::Input`] where another process has it; [`Error::Io`] where nothing can be written there.
+    /// [`Error::Input`] if another process holds the lock; [`Error::Io`] if the lock file cannot be
+    /// written.
     pub(super) fn take(of: &Path) -> Result<Lock> {
         let name = of.file_name().unwrap_or_default().to_string_lossy();
         let path = if of.is_dir() {
@@ -34,14 +36,14 @@ impl Lock {
             let file = file.map_err(|error| Error::io(&path, error))?;
             match file.try_lock() {
                 Ok(()) if is_at(&file, &path) => return Ok(Lock { path, held: Some(file) }),
-                // Whoever had it took the name away meanwhile.
+                // The previous holder has removed the file meanwhile.
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
-                    let what = "another run that is going on writes here; expected its end, or another name";
+                    let what = "another glint process is writing here; wait for it, or choose another output";
                     return Err(Error::input(of, what));
                 }
                 Err(TryLockError::Error(error)) => {
-                    tracing::debug!("{}: {error}: nothing keeps another run away", path.display());
+                    tracing::debug!("{}: {error}: no lock, so another run may write here too", path.display());
                     return Ok(Lock { path, held: None });
                 }
             }
@@ -51,14 +53,14 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // While it is held, so that nobody else's goes.
+        // Removed while it is held, so that no other process's lock is removed.
         if self.held.is_some() {
             let _ = fs::remove_file(&self.path);
         }
     }
 }
 
-/// Whether the file is still what is called so.
+/// Whether the path still names this file.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -84,17 +86,17 @@ mod tests {
         let refused = |of: &Path| Lock::take(of).err().unwrap().to_string();
         let (first, other) = (Lock::take(&output).unwrap(), Lock::take(&folder.path().join("other.ply")).unwrap());
         let inside = Lock::take(folder.path()).unwrap();
-        assert!(refused(&output).contains("another run that is going on"));
-        assert!(refused(folder.path()).contains("another run"));
+        assert!(refused(&output).contains("another glint process is writing here"));
+        assert!(refused(folder.path()).contains("another glint process"));
         drop((first, other, inside));
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        // What a killed run left holds nobody up.
+        // The lock file of a killed run does not block.
         fs::write(folder.path().join(".glint-base.ply.lock"), "").unwrap();
         drop(Lock::take(&output).unwrap());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
-    /// The name is taken away while others open it.
+    /// The file is removed while other threads open it.
     #[test]
     fn never_two_have_one_place() {
         let folder = tempfile::tempdir().unwrap();

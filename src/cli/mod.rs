@@ -1,6 +1,7 @@
-//! The `glint` command, one file per subcommand. Results go to stdout; progress, notes, logs and errors to stderr.
+//! The `glint` command, with one file for each subcommand. Results go to stdout; progress, notes, logs and
+//! errors go to stderr.
 //!
-//! Exit codes: 0 done, 2 bad input or usage, 1 the machine (device, driver, memory, disk), 130 ended by Ctrl-C.
+//! Exit codes: 0 success, 1 machine (device, driver, memory, disk), 2 bad input or usage, 130 interrupted.
 
 mod caller;
 mod check;
@@ -58,26 +59,26 @@ use progress::{LogWriter, note};
 
 const EXAMPLES: &str = "\
 Examples:
-  glint demo                               the whole method on a built-in scene
+  glint demo                               train and augment a built-in scene
   glint train garden -o base.ply           train a base scene on a dataset
   glint enhance garden --base base.ply -o augmented.ply
-  glint eval augmented.ply garden          PSNR and SSIM of its test views
+  glint eval augmented.ply garden          PSNR and SSIM on its test photos
   glint view augmented.ply garden          look at it in a window
   glint render augmented.ply garden -o views
-  glint info augmented.ply                 what is in the file
-  glint convert base.ply base.spz          to what other programs read
-  glint export --html scene.html scene.ply a page that shows the scene in any browser
-  glint verify --quick                     does this device compute what it should?
+  glint info augmented.ply                 describe a scene or a dataset
+  glint convert base.ply base.spz          convert it for other programs
+  glint export --html scene.html scene.ply a page that shows it in any browser
+  glint verify --quick                     check that this device computes correctly
 
-A dataset is a folder with a COLMAP model (sparse/0 and images/) or with transforms.json or transforms_train.json, or \
-such a JSON file. Every 8th photo by name is a test photo, unless the dataset says itself which are (transforms_test.json, \
-lists in transforms.json, test.txt) or --holdout does.
+A dataset is a folder with a COLMAP model (sparse/0 and images/), a folder with transforms.json or \
+transforms_train.json, or such a JSON file. Every 8th photo by name is a test photo, unless the dataset has its own \
+selection (transforms_test.json, lists in transforms.json, test.txt) or --holdout is given.
 
-Ctrl-C during training saves the scene so far; a second one quits at once.
+Ctrl-C during training saves the scene; a second Ctrl-C quits immediately.
 
-Exit codes: 0 success, 1 failure of the machine or device, 2 bad input or usage, 130 stopped by Ctrl-C. RUST_LOG overrides -v.";
+Exit codes: 0 success, 1 machine or device, 2 bad input or usage, 130 interrupted. RUST_LOG overrides -v.";
 
-/// Augmented radiance fields in Vulkan compute: 3D Gaussian scenes with view-dependent opacity lobes.
+/// Train, augment, view and convert 3D Gaussian scenes with Vulkan compute
 #[derive(Debug, Parser)]
 #[command(name = "glint", version, after_help = EXAMPLES, arg_required_else_help = true)]
 struct Cli {
@@ -111,20 +112,20 @@ enum Command {
     Man(pages::ManArgs),
 }
 
-/// Why a command did not do what it should.
+/// Reason why a command failed.
 #[derive(Debug)]
 enum Failure {
     Error(Error),
-    /// The validation layers were on and said so many things.
+    /// Number of messages from the validation layers.
     Validation(usize),
-    /// What was done until somebody asked for an end is written, and what it is.
+    /// The user interrupted the run, and partial results were saved; the text describes them.
     Interrupted(String),
-    /// There is no display, or it cannot be drawn in.
+    /// There is no display, or no window can be opened on it.
     #[cfg(feature = "view")]
     NoWindow(String),
-    /// The device failed its check, and how.
+    /// The device failed its check; the text describes how.
     Device(String),
-    /// So many stages were farther from their twins than they may be.
+    /// Number of rows that exceed their bounds against the twins.
     Bounds(usize),
 }
 
@@ -136,7 +137,7 @@ impl<E: Into<Error>> From<E> for Failure {
 
 type Outcome<T = ()> = Result<T, Failure>;
 
-/// Parses the process's arguments and does what they say.
+/// Parses the arguments of the process and runs the command.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     log(cli.verbose, cli.quiet);
@@ -146,12 +147,12 @@ pub fn main() -> ExitCode {
     };
     let Err(failure) = outcome else { return ExitCode::SUCCESS };
     let (line, code) = told(failure);
-    // Nobody is left to tell when stderr is gone.
+    // A failed write has no reader: stderr is closed.
     let _ = writeln!(io::stderr(), "error: {line}");
     ExitCode::from(code)
 }
 
-/// The message for a failure, and its exit code.
+/// Message and exit code of a failure.
 fn told(failure: Failure) -> (String, u8) {
     let (text, code) = match failure {
         Failure::Error(error) => (error.to_string(), error.exit_code()),
@@ -159,21 +160,21 @@ fn told(failure: Failure) -> (String, u8) {
         #[cfg(feature = "view")]
         Failure::NoWindow(why) => (
             format!(
-                "no window can be opened: {why} (expected a desktop of X11, or of Wayland with Xwayland, named by DISPLAY)"
+                "no window can be opened: {why} (expected an X11 desktop, or Wayland with Xwayland, named by DISPLAY)"
             ),
             1,
         ),
         Failure::Interrupted(what) => (what, interrupt::EXIT_CODE),
         Failure::Device(what) => (
             format!(
-                "{what}; choose another device or driver (glint devices), see all errors (glint verify), let twins stand in for wrong \
-                 stages (--twin), or use it anyway (--unchecked)"
+                "{what}; choose another device or driver (glint devices), list all errors (glint verify), replace \
+                 wrong stages by twins (--twin), or use it anyway (--unchecked)"
             ),
             1,
         ),
         Failure::Bounds(count) => (format!("{} out of bounds (see the table)", counted(count, "row")), 1),
     };
-    // One line, whatever a driver or a file name put into it.
+    // A driver's text or a file name may contain line breaks.
     (text.replace(char::is_control, " "), code)
 }
 
@@ -198,7 +199,7 @@ fn run(command: &Command) -> Outcome {
     }
 }
 
-/// The message for an argument whose `~` no shell has replaced by the home folder.
+/// Message for an argument whose `~` was not expanded by the shell.
 fn unexpanded(arguments: impl Iterator<Item = OsString>) -> Option<String> {
     let home = |path: &&str| *path == "~" || path.starts_with("~/");
     let literal = |argument: OsString| {
@@ -209,11 +210,11 @@ fn unexpanded(arguments: impl Iterator<Item = OsString>) -> Option<String> {
     let path = arguments.into_iter().find_map(literal)?;
     let rest = path.trim_start_matches('~');
     Some(format!(
-        "{path}: the shell has not replaced `~`, which is quoted or follows a `=`; write \"$HOME{rest}\" instead"
+        "{path}: the shell has not expanded `~`, because it is quoted or follows a `=`; write \"$HOME{rest}\" instead"
     ))
 }
 
-/// Sends log lines to stderr, above the progress bar.
+/// Sends log lines to stderr, above the progress bars.
 fn log(verbose: u8, quiet: bool) {
     if quiet {
         progress::quiet();
@@ -228,9 +229,9 @@ fn log(verbose: u8, quiet: bool) {
         .try_init();
 }
 
-/// Says what to do where there is no driver.
+/// Adds a hint to errors about a missing driver.
 fn with_hint(error: GpuError) -> GpuError {
-    let hint = "install your GPU's Vulkan driver, or for a CPU alone Mesa's (on Debian and Ubuntu: apt install \
+    let hint = "install your GPU's Vulkan driver, or Mesa's to run on the CPU (on Debian and Ubuntu: apt install \
                 mesa-vulkan-drivers)";
     match error {
         GpuError::NoDevice(why) => GpuError::NoDevice(format!("{why}: {hint}")),
@@ -241,21 +242,23 @@ fn with_hint(error: GpuError) -> GpuError {
     }
 }
 
-/// Which device to run on.
+/// Options that select and configure the device.
 #[derive(Debug, Args)]
 struct DeviceArgs {
-    /// Vulkan device: an index of `glint devices` or a part of its name [default: the first discrete GPU, else any; or
-    /// what the variable GLINT_DEVICE says]
+    /// Vulkan device: an index from `glint devices` or a part of its name [default: the GLINT_DEVICE
+    /// variable, else the first discrete GPU, else any device]
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// Turn the Vulkan validation layers on, as the variable GLINT_VALIDATION does; what they find makes the command fail
+    /// Turn on Vulkan's validation layers, like the GLINT_VALIDATION variable; the command fails if they
+    /// report anything
     #[arg(long, hide = true)]
     validate: bool,
-    /// Replace a stage by its float64 twin, on the host and slowly: where that changes what is wrong, the driver
-    /// runs this stage wrongly. May be given several times
+    /// Run STAGE on the CPU in float64 (slow). If this fixes the output, the driver runs STAGE wrongly. May
+    /// be given several times
     #[arg(long = "twin", value_name = "STAGE", value_parser = parse_twin)]
     twins: Vec<Twin>,
-    /// Use the device even if it fails the check that its first run makes: sort, scan, a picture and a step against float64
+    /// Use the device even if it fails the check before its first use: sort, scan, an image and a training
+    /// step against float64
     #[arg(long, hide_short_help = true)]
     unchecked: bool,
 }
@@ -268,7 +271,7 @@ fn parse_twin(stage: &str) -> Result<Twin, String> {
 }
 
 impl DeviceArgs {
-    /// What was asked for, by options and variables.
+    /// Context options from command-line options and environment variables.
     fn options(&self) -> ContextOptions {
         let mut options = ContextOptions::from_env();
         options.device = self.device.clone().or(options.device);
@@ -277,7 +280,7 @@ impl DeviceArgs {
         options
     }
 
-    /// A device that was asked for and is not there is the caller's mistake.
+    /// If the user named a missing device, this is an error of usage.
     fn explain(&self, options: &ContextOptions, error: GpuError) -> Error {
         let asked = if self.device.is_some() { "--device" } else { "GLINT_DEVICE" };
         match error {
@@ -286,7 +289,8 @@ impl DeviceArgs {
         }
     }
 
-    /// Opens the device, checks it, does `work` on it and fails if the validation layers were on and found something.
+    /// Opens and checks the device and does `work` on it. Fails if the validation layers were on and
+    /// reported anything.
     fn with<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
         self.with_unchecked(|context| {
             check::check(context, &self.options(), self.unchecked)?;
@@ -294,7 +298,7 @@ impl DeviceArgs {
         })
     }
 
-    /// The same without the check, for what judges a device itself.
+    /// Does `work` without the check, for commands that test the device themselves.
     fn with_unchecked<T>(&self, work: impl FnOnce(&Context) -> Outcome<T>) -> Outcome<T> {
         let options = self.options();
         let context = Context::new(&options).map_err(|error| self.explain(&options, error))?;
@@ -304,7 +308,8 @@ impl DeviceArgs {
     }
 }
 
-/// Tells what a run is on, from what and how long, before its first step. Where that is a CPU, why it is no GPU.
+/// Prints device, photos and length of a run before its first step. If the device is a CPU, a note explains
+/// why no GPU is used.
 fn tell_run(what: &str, context: &Context, photos: &[&Photo], length: impl Display) {
     let info = context.info();
     let sizes = photos.iter().map(|photo| [photo.camera.width, photo.camera.height]);
@@ -322,13 +327,13 @@ fn tell_run(what: &str, context: &Context, photos: &[&Photo], length: impl Displ
     }
 }
 
-/// Why a GPU that seems to be there is not used.
+/// Reason why an existing GPU is not used.
 fn no_gpu() -> Option<String> {
     let devices = Context::devices().unwrap_or_default();
     let mut gpus = devices.iter().filter(|(info, _)| !info.is_cpu).peekable();
     let hint = "the run is on the CPU, which is much slower";
     if gpus.peek().is_some() {
-        // One that can be used was not asked for.
+        // A usable GPU is not an error: the user chose the CPU.
         let (info, refused) = gpus.find_map(|(info, refused)| Some((info, refused.as_ref()?)))?;
         return Some(format!("{} cannot be used: {refused}; {hint}", info.name));
     }
@@ -336,7 +341,7 @@ fn no_gpu() -> Option<String> {
     Some(format!("there is a GPU ({node}), but no Vulkan driver offers it: install its driver (glint devices); {hint}"))
 }
 
-/// What becomes of a device's work, where the validation layers found so many faults.
+/// Returns `result`, or an error if the validation layers reported `faults`.
 fn tell_end<T>(result: Outcome<T>, faults: usize) -> Outcome<T> {
     if let Some(bytes) = peak_memory() {
         tracing::info!("the process held {:.1} MB of memory at most", bytes as f64 / 1e6);
@@ -347,32 +352,32 @@ fn tell_end<T>(result: Outcome<T>, faults: usize) -> Outcome<T> {
     }
 }
 
-/// What a run calls between its steps: with its model, and how it gets on.
+/// Callback between the steps of a run; it gets the model and a text on the progress.
 type Look<'a> = dyn FnMut(&Model, Arguments<'_>) + 'a;
 
-/// Whether a run is looked at.
+/// Options to watch a run in a window.
 #[derive(Debug, Args)]
 struct WatchArgs {
-    /// Show the scene in a window as it learns, drawn so seldom that the run takes less than a tenth longer; the same scene comes
-    /// out. Keys and mouse as in glint view; closing the window does not end the run
+    /// Show the scene in a window while training. The run takes less than a tenth longer; the result is
+    /// identical. Keys and mouse as in glint view; closing the window does not end the run
     #[cfg(feature = "view")]
     #[arg(long)]
     view: bool,
 }
 
-/// What is known of a run whose scene is shown.
+/// Properties of a run that is shown in a window.
 #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "nothing shows it"))]
 struct Watched<'a> {
     device: &'a DeviceArgs,
     dataset: &'a Dataset,
     policy: Policy,
     background: [f32; 3],
-    /// Where the scene will be.
+    /// Output file of the scene.
     output: &'a Path,
 }
 
 impl WatchArgs {
-    /// Opens the device, with a window where one is wanted, and does `work` on it as [`DeviceArgs::with`].
+    /// Opens the device, with a window if requested, and does `work` on it as [`DeviceArgs::with`] does.
     fn with<T>(&self, run: &Watched<'_>, work: impl FnOnce(&Context, &mut Look<'_>) -> Outcome<T>) -> Outcome<T> {
         #[cfg(feature = "view")]
         if self.view {
@@ -382,7 +387,8 @@ impl WatchArgs {
     }
 }
 
-/// The most memory that this process has held, where the system tells (Linux). A device that is a CPU has its buffers there.
+/// Peak memory of this process, bytes, if the system reports it (Linux). It includes the buffers of a CPU
+/// device.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let kilobytes =
@@ -390,30 +396,30 @@ fn peak_memory() -> Option<u64> {
     kilobytes.map(|n: u64| 1024 * n)
 }
 
-/// How gradients are added up, and what is kept of them.
+/// Options for the precision and summation of gradients.
 #[derive(Debug, Args)]
 struct LearnArgs {
-    /// Guarantee bit-identical runs. Without this, gradients that do not fit the device's memory are summed by float atomics, in
-    /// any order, with a warning; with it, that is an error
+    /// Guarantee bit-identical runs: fail if gradients do not fit the device's memory. Without this option,
+    /// they are then summed by float atomics in any order, with a warning
     #[arg(long)]
     deterministic: bool,
-    /// Numbers that the optimiser keeps. `half` saves 176 of the 612 bytes of a Gaussian of degree 3 (240 of 788 where steps are Adam's);
-    /// over nine runs it neither cost nor gained quality
+    /// Precision of the optimizer's moments. `half` saves 176 of 612 bytes for each Gaussian of degree 3
+    /// (240 of 788 with Adam); over nine runs it neither gained nor lost quality
     #[arg(long, value_enum, default_value_t)]
     precision: Precision,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Precision {
-    /// Moments of a number as 32-bit floats
+    /// 32 bits for each moment of a parameter
     #[default]
     Full,
-    /// In 16 bits at most, rounded by a draw
+    /// At most 16 bits for each, rounded at random
     Half,
 }
 
 impl LearnArgs {
-    /// What everything on `context` is run with.
+    /// Session on `context` with these options.
     fn session(&self, context: &Context, policy: Policy, background: [f32; 3], extent: f32, seed: u64) -> Session {
         let reduction = if self.deterministic { Reduction::Deterministic } else { Reduction::Auto };
         let policy = Policy { reduction, packed: self.precision == Precision::Half, ..policy };
@@ -421,11 +427,11 @@ impl LearnArgs {
     }
 }
 
-/// How Gaussians are drawn.
+/// Options that affect rendering.
 #[derive(Debug, Clone, Copy, Args)]
 struct DrawArgs {
-    /// Fade Gaussians smaller than a pixel, so that the 0.3 px² of blur that every Gaussian gets adds no light: for scenes that
-    /// were trained so (gsplat's `antialiased`) [default: as the scene was trained, else not]
+    /// Fade Gaussians smaller than a pixel, so that the blur of 0.3 px² on every Gaussian adds no light
+    /// (gsplat's `antialiased` mode) [default: as the scene was trained, else off]
     #[arg(long, value_name = "YES", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
     compensate: Option<bool>,
 }
@@ -435,14 +441,14 @@ impl DrawArgs {
         Policy { compensate: self.compensate.unwrap_or_default(), ..Policy::default() }
     }
 
-    /// The same, with what the scene of this path was trained with where nothing is asked for.
+    /// Fills options that were not given with those that the scene at this path was trained with.
     fn like(&self, trained_with: TrainedWith, scene: &Path) -> DrawArgs {
         let both = [self.compensate, trained_with.antialiased];
         DrawArgs { compensate: settled("--compensate", both, scene, bool::to_string) }
     }
 }
 
-/// Which photos of a dataset.
+/// Photos of a dataset to use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum SplitArg {
     Train,
@@ -460,11 +466,11 @@ impl SplitArg {
     }
 }
 
-/// How scenes are read.
+/// Options for reading scenes.
 #[derive(Debug, Args)]
 struct SceneArgs {
-    /// Drop invalid Gaussians (NaN, infinite opacity or scale, zero rotation) and report how many, instead of refusing the
-    /// file
+    /// Drop invalid Gaussians (NaN, infinite opacity or scale, zero rotation) and report their number,
+    /// instead of refusing the file
     #[arg(long)]
     lenient: bool,
 }
@@ -476,12 +482,12 @@ impl SceneArgs {
         Ok(self.open_file(path)?.scene)
     }
 
-    /// Reads a scene with what other viewers show.
+    /// Reads a scene with its metadata, and with the base that other viewers show.
     fn open_file(&self, path: &Path) -> Result<SceneFile> {
-        // Reading a folder would blame the machine.
+        // Reading a folder would give an I/O error, which blames the machine.
         if path.is_dir() && !data::is_scene_folder(path) {
             let what =
-                "is a folder, expected a scene's file (where both are arguments, the scene comes before the dataset)";
+                "is a folder, expected a scene file (if both are arguments, the scene comes before the dataset)";
             return Err(Error::input(path, what));
         }
         let tell = |file: &SceneFile| file.notes.iter().for_each(|text| note(format!("{}: {text}", path.display())));
@@ -499,13 +505,13 @@ impl SceneArgs {
             let all = file.scene.base.len() + file.scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
             let dropped = base + supplementary;
             let path = path.display();
-            note(format!("{path}: {dropped} of {} Gaussians dropped, the first for this: {first}", all + dropped));
+            note(format!("{path}: {dropped} of {} Gaussians dropped; the first error is: {first}", all + dropped));
         }
         Ok(file)
     }
 }
 
-/// Prints a result. A reader that has gone away has seen enough.
+/// Prints a result. A closed pipe is not an error.
 fn print(text: impl Display) -> Result<()> {
     if caller::is_embedded() {
         caller::print(&text.to_string());
@@ -548,7 +554,7 @@ mod tests {
             [&["train", "~/garden"][..], &["train", "x", "-o", "~/a.ply"], &["--init=~/a.ply"], &["a=~/s.ply"], &["~"]]
         {
             let what = found(arguments).unwrap();
-            assert!(what.contains("has not replaced `~`") && what.contains("\"$HOME"), "{what}");
+            assert!(what.contains("has not expanded `~`") && what.contains("\"$HOME"), "{what}");
         }
         assert!(found(&["~/garden"]).unwrap().contains("write \"$HOME/garden\""));
         assert_eq!(found(&["train", "a~/b", "~x", "a=b~", "/home/~/x"]), None);

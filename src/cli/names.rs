@@ -1,13 +1,13 @@
-//! Files that are named after photos.
+//! Names of output files for photos.
 
 use std::collections::{HashMap, HashSet};
 
 use crate::data::Photo;
 
-/// What files of each photo are called, but for their ending; no two alike even where file systems ignore case.
+/// File name for each photo, without extension. They differ even if the file system ignores case.
 pub(super) fn stems(photos: &[Photo]) -> Vec<String> {
     let flat = |name: &str| -> String {
-        // What some file system does not allow in a name.
+        // Characters that some file systems do not allow.
         let odd = |c: char| c.is_control() || r#"/\:*?"<>|"#.contains(c);
         name.chars().map(|c| if odd(c) { '_' } else { c }).collect()
     };
@@ -20,7 +20,7 @@ pub(super) fn stems(photos: &[Photo]) -> Vec<String> {
     for photo in photos {
         *uses.entry(stem(&photo.name).to_lowercase()).or_default() += 1;
     }
-    // Stems that only one photo has are taken first, so that others keep away from them.
+    // Unique stems are reserved first, so that other names avoid them.
     let mut taken: HashSet<String> = uses.iter().filter(|(_, n)| **n == 1).map(|(stem, _)| stem.clone()).collect();
     let name = |photo: &Photo| {
         let stem = stem(&photo.name);

@@ -1,5 +1,5 @@
-//! Where results go: never over what the command reads, over other files only with `--force`, under a name that says what
-//! they are, and only where there is room.
+//! Checks of output files before any work: never an input, existing files only with `--force`, a suitable
+//! extension, and enough room on the disk.
 
 use std::{
     collections::HashSet,
@@ -16,12 +16,12 @@ use crate::{
 
 #[derive(Debug, clap::Args)]
 pub(super) struct OutputArgs {
-    /// Overwrite existing files; files that the command reads are never overwritten
+    /// Overwrite existing files, except files that the command reads
     #[arg(long)]
     force: bool,
 }
 
-/// A file by what it is, whatever it is called.
+/// Identity of a file, independent of its name.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum Identity {
     #[cfg(unix)]
@@ -31,7 +31,7 @@ enum Identity {
 }
 
 impl Identity {
-    /// None where there is no such file.
+    /// `None` if there is no such file.
     #[cfg(unix)]
     fn of(path: &Path) -> Option<Identity> {
         use std::os::unix::fs::MetadataExt;
@@ -44,11 +44,11 @@ impl Identity {
     }
 }
 
-/// What a command reads.
+/// Files and folders that a command reads.
 #[derive(Debug, Default)]
 pub(super) struct Inputs {
     files: HashSet<Identity>,
-    /// Folders with photos: a dataset is read by names, so a new file there may become a part of it.
+    /// Folders with photos. A new file there may become part of the dataset.
     folders: HashSet<Identity>,
 }
 
@@ -68,8 +68,8 @@ impl Inputs {
 }
 
 impl OutputArgs {
-    /// Fails now if a file at `path` could not be written after hours of work, or should not be. Leaves nothing behind.
-    /// `extension` is what a file of its kind is called, `what` the kind.
+    /// Fails early if a file at `path` cannot or must not be written. Leaves no file behind. `extension`
+    /// and `what` describe the expected kind of file.
     pub(super) fn check_file(&self, path: &Path, extension: &str, what: &str, inputs: &Inputs) -> Result<()> {
         if fs::metadata(path).is_ok_and(|found| !found.is_file()) {
             return Err(Error::input(path, "exists and is not a file, expected the name of a file to write"));
@@ -77,7 +77,7 @@ impl OutputArgs {
         if !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension)) {
             let name = path.with_extension(extension);
             let name = name.file_name().unwrap_or_default().to_string_lossy();
-            return Err(Error::input(path, format!("{what} is written here, expected a name such as {name}")));
+            return Err(Error::input(path, format!("the output is {what}, expected a name such as {name}")));
         }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         writable(folder)
@@ -87,37 +87,35 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// The same for a plain PLY scene, of which `glint convert` makes a scene of any other name.
+    /// Checks a PLY scene. For other endings, the error suggests `glint convert`.
     pub(super) fn check_ply(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         if SceneFormat::of(path).is_some_and(|format| format.ending != "ply") {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             let stem = name.split_once('.').map_or(&name[..], |(stem, _)| stem);
             let what = format!(
-                "a PLY scene is written here, expected a name such as {stem}.ply; then `glint convert {stem}.ply {name}` makes the other file"
+                "the output is a PLY scene, expected a name such as {stem}.ply; then `glint convert {stem}.ply {name}` \
+                 makes the other file"
             );
             return Err(Error::input(path, what));
         }
         self.check_file(path, "ply", "a PLY scene", inputs)
     }
 
-    /// Makes the folder that files go to, and fails if they cannot, or should not.
+    /// Creates the output folder; fails if it cannot or must not be written to.
     pub(super) fn make_folder(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         if fs::metadata(path).is_ok_and(|found| !found.is_dir()) {
             return Err(Error::input(path, "exists and is not a folder, expected a folder to write to"));
         }
         if Identity::of(path).is_some_and(|folder| inputs.folders.contains(&folder)) {
-            return Err(Error::input(
-                path,
-                "is a folder that the dataset's photos are read from, expected another one",
-            ));
+            return Err(Error::input(path, "is a folder of the dataset's photos, expected another output folder"));
         }
-        fs::create_dir_all(path).map_err(|error| Error::input(path, format!("the folder cannot be made: {error}")))?;
+        fs::create_dir_all(path).map_err(|error| Error::input(path, format!("the folder cannot be created: {error}")))?;
         writable(path).map_err(|error| Error::input(path, format!("cannot be written to: {error}")))?;
         clear(path);
         Ok(())
     }
 
-    /// Fails if one of `names` in `folder` is there already and may not be replaced.
+    /// Fails if one of `names` exists in `folder` and may not be replaced.
     pub(super) fn check_files<'a>(
         &self,
         folder: &Path,
@@ -127,7 +125,7 @@ impl OutputArgs {
         names.into_iter().try_for_each(|name| self.check_replaced(&folder.join(name), inputs))
     }
 
-    /// The same, and where `own` is set, that what is there is known to be of this very run, which may be replaced.
+    /// Allows replacement if `own`: the existing output belongs to this run.
     pub(super) fn or(&self, own: bool) -> OutputArgs {
         OutputArgs { force: self.force || own }
     }
@@ -135,9 +133,9 @@ impl OutputArgs {
     fn check_replaced(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         match Identity::of(path) {
             Some(file) if inputs.files.contains(&file) => {
-                Err(Error::input(path, "is what this command reads, so it is not written over; expected another name"))
+                Err(Error::input(path, "this command reads it and never overwrites its inputs; expected another name"))
             }
-            Some(_) if !self.force => Err(Error::input(path, "is there already; --force replaces it")),
+            Some(_) if !self.force => Err(Error::input(path, "already exists; --force overwrites it")),
             _ => Ok(()),
         }
     }
@@ -147,7 +145,7 @@ pub(super) fn writable(folder: &Path) -> std::io::Result<()> {
     tempfile::tempfile_in(folder).map(drop)
 }
 
-/// Removes what killed runs left.
+/// Removes unfinished files of killed runs.
 fn clear(folder: &Path) {
     let gone = sweep(folder);
     if !gone.is_empty() {
@@ -155,8 +153,8 @@ fn clear(folder: &Path) {
     }
 }
 
-/// Fails if `bytes` do not fit onto the disk of `path`, and says so where they do and what is kept `beside` them meanwhile does not. Where
-/// that cannot be known it is left to the writing.
+/// Fails if `bytes` do not fit on the disk of `path`. Prints a note if they fit, but not together with the
+/// `beside` bytes written meanwhile. If the free space is unknown, nothing is checked.
 pub(super) fn check_room(path: &Path, bytes: u64, beside: u64) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match fs4::available_space(folder) {
@@ -165,18 +163,18 @@ pub(super) fn check_room(path: &Path, bytes: u64, beside: u64) -> Result<()> {
     }
 }
 
-/// What there is to say of a disk on which so many bytes are free.
+/// Error or note for a disk with `free` bytes.
 fn judge_room(path: &Path, free: u64, [bytes, beside]: [u64; 2]) -> Result<Option<String>> {
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     let (need, more, have) = (megabytes(bytes), megabytes(beside), megabytes(free));
     if free < bytes {
-        let what = format!("takes {need:.1} MB, and its disk has {have:.1} MB left");
+        let what = format!("needs {need:.1} MB, but its disk has {have:.1} MB left");
         return Err(Error::io(path, IoError::new(ErrorKind::StorageFull, what)));
     }
     Ok((free < bytes.saturating_add(beside)).then(|| {
         format!(
-            "{}: its disk has {have:.1} MB left, enough for the scene's {need:.1}, but not for {more:.1} MB of checkpoints and pictures \
-             meanwhile: what is learned may not be kept before the end",
+            "{}: its disk has {have:.1} MB left, enough for the scene ({need:.1} MB), but not for {more:.1} MB of \
+             checkpoints and pictures; the run continues, but may not be able to save checkpoints",
             path.display()
         )
     }))
@@ -232,6 +230,6 @@ mod tests {
             "{said}"
         );
         assert_eq!(judge(8_000_000), Ok(None));
-        assert!(judge(1_900_000).unwrap_err().contains("takes 2.0 MB"));
+        assert!(judge(1_900_000).unwrap_err().contains("needs 2.0 MB"));
     }
 }

@@ -1,4 +1,4 @@
-//! `glint completions` and `glint man`: what a packager installs beside the program.
+//! `glint completions` and `glint man`: files for a package of glint.
 
 use std::{io, path::PathBuf};
 
@@ -23,7 +23,7 @@ pub(super) struct CompletionsArgs {
 /// Write glint's manual pages into a folder
 #[derive(Debug, clap::Args)]
 pub(super) struct ManArgs {
-    /// Folder for glint.1 and a page for each command; made if it is not there
+    /// Output folder for glint.1 and a page for each command; created if missing
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! What a camera sees, before it becomes a file or is shown in a window.
+//! Rendered picture, before it is written to a file or shown in a window.
 
 use std::path::Path;
 
@@ -10,14 +10,14 @@ use crate::{
     report::decompose::srgb_from_linear,
 };
 
-/// Pixels of some kind.
+/// Picture of one kind of content.
 pub(super) struct Picture {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) content: Content,
 }
 
-/// Kinds of files.
+/// File formats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Format {
     Png,
@@ -30,12 +30,12 @@ pub(super) enum Content {
     /// Linear light, interleaved.
     Linear(Vec<f32>),
     Grey(Vec<f32>),
-    /// Camera z, 0 where there is none.
+    /// Camera z, 0 if there is none.
     Depth(Vec<f32>),
 }
 
 impl Picture {
-    /// The same pixels as those of the PNG, 3 bytes each.
+    /// Pixels as in the PNG, 3 bytes each.
     #[cfg(feature = "view")]
     pub(super) fn rgb(&self) -> Vec<u8> {
         use crate::data::to_byte;
@@ -65,17 +65,17 @@ fn encoded(linear: &[f32]) -> Vec<f32> {
     linear.par_iter().map(|&v| srgb_from_linear(v)).collect()
 }
 
-/// Grey of the farthest depth: dark, but not the black of no depth.
+/// Gray of the largest depth: dark, but different from the black of pixels without depth.
 const FARTHEST_GREY: f32 = 0.1;
 
-/// Depths as grey, linear in 1/depth between the 1st and the 99th percentile of the view.
+/// Depths as gray, linear in 1/depth between the 1st and the 99th percentile of the view.
 fn depth_grey(depths: &[f32]) -> Vec<f32> {
     let mut near: Vec<f32> = depths.iter().filter(|&&z| z > 0.0).map(|z| 1.0 / z).collect();
     near.sort_unstable_by(f32::total_cmp);
     let at = |p: f64| near[(p * (near.len() - 1) as f64).round() as usize];
     let (low, high) = if near.is_empty() { (0.0, 1.0) } else { (at(0.01), at(0.99)) };
     let grey = |z: f32| {
-        // A view of one depth only is white.
+        // A view with a single depth is white.
         let t = if high > low { ((1.0 / z - low) / (high - low)).clamp(0.0, 1.0) } else { 1.0 };
         FARTHEST_GREY + (1.0 - FARTHEST_GREY) * t
     };

@@ -1,5 +1,5 @@
-//! What people see on stderr while they wait: a bar for each phase with rate and time left, or where stderr is no terminal a
-//! line now and then.
+//! Progress on stderr: a bar for each phase with rate and time left. If stderr is not a terminal, a line is
+//! printed every 30 seconds instead.
 
 use std::{
     borrow::Cow,
@@ -20,20 +20,22 @@ use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, P
 use super::{caller, deadline::mean};
 use crate::gpu::Context;
 
-/// All bars, so that lines of text can be written above them. Hidden where stderr is no terminal.
+/// All bars, so that text lines can be written above them. Hidden if stderr is not a terminal.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
-/// Whether only errors are said.
+/// Whether only errors are printed.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// Between lines in a log file: a run of an hour leaves 120. The first, which tells how long all will take, comes earlier.
+/// Interval between lines in a log file: 120 lines in an hour. The first line comes earlier, to show the
+/// time left.
 const LINE_EVERY: Duration = Duration::from_secs(30);
 const FIRST_LINE: Duration = Duration::from_secs(5);
-/// A phase of this length leaves a line in a log file when it ends.
+/// Minimum duration of a phase that logs a line at its end.
 const WORTH_A_LINE: Duration = Duration::from_secs(10);
-/// Before this part of the work or this time is done, what is left is not guessed: the first steps wait for pipelines.
+/// Minimum share of the work, and minimum time, before the time left is estimated. The first steps wait for
+/// pipelines.
 const KNOWN_FROM: (f64, Duration) = (0.01, Duration::from_secs(2));
 
-/// Says nothing but errors from now on.
+/// Prints only errors from now on.
 pub(super) fn quiet() {
     QUIET.store(true, Ordering::Relaxed);
 }
@@ -42,13 +44,13 @@ fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// How long one of a phase takes when a fraction of it is done, as a multiple of what any takes.
+/// Relative duration of a unit of work, by the fraction of the phase that is done.
 type Cost = Arc<dyn Fn(f64) -> f64 + Send + Sync>;
 
-/// How far a phase is.
+/// Progress of a phase over time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Pace {
-    /// Done before `elapsed` began.
+    /// Units done before `elapsed` began.
     before: u64,
     done: u64,
     total: u64,
@@ -56,12 +58,12 @@ struct Pace {
 }
 
 impl Pace {
-    /// What was done in `elapsed`.
+    /// Units done in `elapsed`.
     fn new_done(&self) -> u64 {
         self.done.saturating_sub(self.before)
     }
 
-    /// "12.3/s", with three digits.
+    /// Rate with three digits, such as "12.3/s".
     fn rate(&self) -> String {
         let rate = self.new_done() as f64 / self.elapsed.as_secs_f64().max(1e-9);
         match rate {
@@ -72,7 +74,8 @@ impl Pace {
         }
     }
 
-    /// From what was done since the phase began or went on took, where one takes `cost`. `None` as long as that says little.
+    /// Time left, estimated from the work done since the phase began or resumed, if units take `cost`.
+    /// `None` until the estimate is reliable.
     fn left(&self, cost: &Cost) -> Option<Duration> {
         let part = |count: u64| count as f64 / self.total.max(1) as f64;
         let work = |from: u64, to: u64| (part(to) - part(from)).max(0.0) * mean(&**cost, part(from), part(to));
@@ -86,27 +89,27 @@ impl Pace {
     }
 }
 
-/// A bar of one phase of a command; it disappears when dropped.
+/// Progress bar of one phase; it disappears when dropped.
 pub(super) struct Progress {
     bar: ProgressBar,
     label: &'static str,
     unit: &'static str,
     started: Instant,
-    /// Ends the lines in a log file.
+    /// Stops the lines in a log file.
     ended: Option<mpsc::Sender<()>>,
     total: Cell<u64>,
-    /// What was done before this run or part of it.
+    /// Units done in earlier runs or parts of the phase.
     before: Arc<AtomicU64>,
     cost: Cost,
 }
 
 impl Progress {
-    /// `label` says what is done, `unit` what is counted up to `total`.
+    /// Bar with a `label` for the phase and a `unit` that is counted up to `total`.
     pub(super) fn new(label: &'static str, unit: &'static str, total: u64) -> Self {
         Self::of_cost(label, unit, total, |_| 1.0)
     }
 
-    /// The same where one takes `cost` when a fraction of all is done, as a multiple of what any takes.
+    /// Bar of a phase whose units take `cost`, by the fraction of the phase that is done.
     pub(super) fn of_cost(
         label: &'static str,
         unit: &'static str,
@@ -129,32 +132,32 @@ impl Progress {
         Progress { bar, label, unit, started: Instant::now(), ended, total: Cell::new(total), before, cost }
     }
 
-    /// So many were done before; rate and time left are those of what comes from now on.
+    /// Sets the units done earlier. Rate and time left count only later units.
     pub(super) fn goes_on_from(&self, done: u64) {
         self.before.store(done, Ordering::Relaxed);
         self.bar.reset_elapsed();
         self.set(done);
     }
 
-    /// So many are done.
+    /// Sets the number of units done.
     pub(super) fn set(&self, done: u64) {
         self.bar.set_position(done);
         self.tell();
     }
 
-    /// One more is done.
+    /// Counts one more unit as done.
     pub(super) fn advance(&self) {
         self.bar.inc(1);
         self.tell();
     }
 
-    /// Tells a program that runs the command.
+    /// Reports the progress to an embedding program.
     fn tell(&self) {
         let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
         caller::phase(caller::Phase { name: self.label, unit: self.unit, done, total });
     }
 
-    /// So many are done of what is now thought to be all.
+    /// Sets the units done and the current estimate of the total.
     pub(super) fn set_of(&self, done: u64, total: u64) {
         if self.total.replace(total) != total {
             self.bar.set_length(total);
@@ -162,7 +165,7 @@ impl Progress {
         self.set(done);
     }
 
-    /// What else is to be seen, in a line below the bar.
+    /// Shows a text in a line below the bar.
     pub(super) fn say(&self, text: impl Display) {
         if self.bar.message().is_empty() {
             set_style(&self.bar, [self.label, self.unit, "\n  {wide_msg}"], &self.before, &self.cost);
@@ -183,30 +186,30 @@ impl Drop for Progress {
     }
 }
 
-/// A bar, and `more` behind its line.
+/// Sets the style of a bar, with `more` after its line.
 fn set_style(bar: &ProgressBar, [label, unit, more]: [&str; 3], before: &Arc<AtomicU64>, cost: &Cost) {
     let (before, cost) = (Arc::clone(before), Arc::clone(cost));
     let rate = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
         let (done, total) = (state.pos(), state.len().unwrap_or(0));
         let pace = Pace { before: before.load(Ordering::Relaxed), done, total, elapsed: state.elapsed() };
-        // A line that cannot be made is a line less.
+        // Errors of formatting only shorten the line.
         let _ = write!(out, "{}{}", pace.rate(), pace.left_text(&cost));
     };
     let template = format!("{label} {{wide_bar}} {{pos}}/{{len}} {unit}, {{pace}}{more}");
-    // A template that does not parse would leave indicatif's own bar.
+    // If the template did not parse, indicatif's default bar would remain.
     if let Ok(style) = ProgressStyle::with_template(&template) {
         bar.set_style(style.with_key("pace", rate).progress_chars("━╸─"));
     }
 }
 
-/// How a loop gets on: mean loss and PSNR of its last pass, Gaussians, and what the device holds.
+/// Text on training progress: mean loss and PSNR of the last pass, number of Gaussians, device memory.
 pub(super) fn learned(lately: Option<[f64; 2]>, gaussians: Option<u32>, context: &Context) -> String {
     let quality = lately.map_or(String::new(), |[loss, psnr]| format!("loss {loss:.4}, {psnr:.2} dB, "));
     let count = gaussians.map_or(String::new(), |count| format!("{count} Gaussians, "));
     format!("{quality}{count}{:.0} MB", context.memory().used as f64 / 1e6)
 }
 
-/// A line of a log file.
+/// Line for a log file.
 fn heartbeat([label, unit]: [&str; 2], bar: &ProgressBar, before: &AtomicU64, cost: &Cost) -> String {
     let (done, total) = (bar.position(), bar.length().unwrap_or(0));
     let pace = Pace { before: before.load(Ordering::Relaxed), done, total, elapsed: bar.elapsed() };
@@ -215,7 +218,8 @@ fn heartbeat([label, unit]: [&str; 2], bar: &ProgressBar, before: &AtomicU64, co
     format!("{label}: {done}/{total} {unit}, {}{}{more}", pace.rate(), pace.left_text(cost))
 }
 
-/// Does `beat` after the first interval and then at each of the second until the other end of `wait` is gone.
+/// Calls `beat` after the first interval and then after each of the second, until the sender of `wait` is
+/// dropped.
 fn every([first, interval]: [Duration; 2], wait: &mpsc::Receiver<()>, mut beat: impl FnMut()) {
     let mut next = first;
     while let Err(RecvTimeoutError::Timeout) = wait.recv_timeout(next) {
@@ -224,14 +228,14 @@ fn every([first, interval]: [Duration; 2], wait: &mpsc::Receiver<()>, mut beat: 
     }
 }
 
-/// Tells what a run does.
+/// Prints a line that describes the run.
 pub(super) fn tell_run(text: impl Display) {
     line(text.to_string().replace(char::is_control, " "));
 }
 
-/// Tells something that the user would not expect, such as what was left out and why.
+/// Prints a note on something that the user would not expect, such as skipped data and the reason.
 pub(super) fn note<'a>(text: impl Into<Cow<'a, str>>) {
-    // One line, whatever a file name put into it.
+    // A file name may contain line breaks.
     let text = text.into().replace(char::is_control, " ");
     match caller::is_embedded() {
         true => caller::note(text),
@@ -241,12 +245,12 @@ pub(super) fn note<'a>(text: impl Into<Cow<'a, str>>) {
 
 fn line(text: impl Display) {
     if !is_quiet() && !caller::is_embedded() {
-        // With stderr gone there is nobody to tell.
+        // A failed write has no reader: stderr is closed.
         BARS.suspend(|| drop(writeln!(io::stderr(), "{text}")));
     }
 }
 
-/// Puts log lines above the bars.
+/// Writes log lines above the bars.
 pub(super) struct LogWriter;
 
 impl Write for LogWriter {
@@ -267,13 +271,13 @@ mod tests {
         Pace { before: 0, done, total, elapsed: Duration::from_secs_f64(seconds) }
     }
 
-    /// "84,490/s, 0s left" was said of hours.
+    /// Without a threshold, the bar showed "84,490/s, 0s left" for hours of work.
     #[test]
     fn what_is_left_is_told_when_it_is_known() {
         let same: Cost = Arc::new(|_| 1.0);
         let left = |pace: Pace| pace.left(&same).map(|left| left.as_millis());
         assert_eq!([pace(0, 100, 60.0), pace(16, 30_000, 60.0), pace(50, 100, 1.0)].map(left), [None; 3]);
-        // At the end, and where more is done than was thought to be all.
+        // At the end, and beyond the estimated total.
         let known = [pace(25, 100, 10.0), pace(100, 100, 10.0), pace(120, 100, 10.0), pace(1, 0, 10.0)];
         assert_eq!(known.map(left), [30_000, 0, 0, 0].map(Some));
         assert_eq!([pace(25, 100, 10.0), pace(0, 100, 9.0)].map(|p| p.left_text(&same)), [", 30 seconds left", ""]);
@@ -283,7 +287,7 @@ mod tests {
         assert!((far - 70.0).abs() < 1.0, "{far}");
     }
 
-    /// "1112685/s" was said of a joint phase that went on after Gaussians had been placed.
+    /// Without `before`, the bar showed "1112685/s" for a joint phase that continued after placements.
     #[test]
     fn what_was_done_before_makes_nobody_faster() {
         let pace = |done| Pace { before: 600, ..pace(done, 1000, 10.0) };
@@ -297,7 +301,7 @@ mod tests {
         thread::sleep(Duration::from_millis(20));
         let said = heartbeat(["joining", "steps"], &bar.bar, &bar.before, &bar.cost);
         let rate = said.strip_prefix("joining: 601/1000 steps, ").and_then(|said| said.strip_suffix("/s"));
-        // One in 20 ms or more.
+        // One step in 20 ms or more.
         assert!(rate.and_then(|rate| rate.parse::<f64>().ok()).is_some_and(|rate| rate <= 50.0), "{said}");
     }
 

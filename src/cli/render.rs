@@ -1,4 +1,4 @@
-//! `glint render`: images of a scene from a dataset's cameras or along a camera path.
+//! `glint render`: renders images of a scene from a dataset's cameras or along a camera path.
 
 use std::{collections::HashMap, path::PathBuf};
 
@@ -29,60 +29,60 @@ const EXAMPLES: &str = "\
 PNG, 8 bits:
   color, base        sRGB values, clamped
   diffuse, specular  sRGB values, clamped
-  depth              grey by 1/depth, 1 % cut off at either end of the view:
-                     nearest white, farthest dark, none black
-  transmittance      grey
+  depth              gray by 1/depth, 1 % cut off at both ends of the view:
+                     nearest white, farthest dark, no depth black
+  transmittance      gray
 EXR, 32-bit float:
   color, base        R G B, sRGB values, not clamped
   diffuse, specular  R G B, linear light, not clamped; they add up to the color
-  depth              Z, camera z in scene units, 0 where there is none
+  depth              Z, camera z in scene units, 0 if there is none
   transmittance      Y
 
-Depth is where half of the light is absorbed. Diffuse is what the base Gaussians show with their constant SH band \
-only, but nowhere more than the color; specular is the rest.
+Depth is the distance at which half of the light is absorbed. Diffuse shows the base Gaussians with their constant SH band \
+only, but at most the color; specular is the rest.
 
-Files are named after the photos, folders in their names joined with `_`. Every file appears whole or not at all, and \
-none that is there is replaced without --force.
+Files are named after the photos; folders in names are joined with `_`. Every file appears whole or not at all. Existing files \
+are replaced only with --force.
 
-A camera path is what K and Shift-K of `glint view` save: the camera goes smoothly through its poses (Catmull-Rom \
-splines, rotations along great circles), and frames are evenly spaced, frame-00001 the first pose.
+K and Shift-K in `glint view` save a camera path. The camera moves smoothly through its poses (Catmull-Rom splines, rotations \
+along great circles). Frames are evenly spaced; frame-00001 is the first pose.
 
 Examples:
   glint render augmented.ply garden -o views
   glint render augmented.ply garden -o depth --what depth --format exr
   glint render augmented.ply --path augmented-path-1.json -o frames --frames 240";
 
-/// What five digits count.
+/// Maximum number of frames; their names have five digits.
 const MAX_FRAMES: i64 = 99_999;
 
 /// Render the views of a dataset, or frames along a camera path
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Scene
+    /// Scene to render
     scene: PathBuf,
-    /// Folder or JSON file of the dataset whose cameras are used
+    /// Folder or JSON file of the dataset with the cameras
     #[arg(required_unless_present = "path", conflicts_with = "path")]
     dataset: Option<PathBuf>,
-    /// JSON file of a camera path, in the place of a dataset's cameras
+    /// JSON file of a camera path, instead of a dataset's cameras
     #[arg(long, value_name = "FILE")]
     path: Option<PathBuf>,
-    /// Frames along the path
+    /// Number of frames along the path
     #[arg(long, value_name = "N", requires = "path", default_value_t = 120, value_parser = clap::value_parser!(u32).range(1..=MAX_FRAMES))]
     frames: u32,
-    /// Folder for the images; created if missing
+    /// Output folder for the images; created if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Photos whose cameras are used
+    /// Photos whose cameras are rendered
     #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
-    /// What to show
+    /// Image content
     #[arg(long, value_enum, default_value_t = What::Color)]
     what: What,
-    /// Kind of file
+    /// File format
     #[arg(long, value_enum, default_value_t = Format::Png)]
     format: Format,
-    /// Depth is that of the median Gaussian's centre, instead of the Gaussian's maximum along the ray
+    /// Take depth at the center of the median Gaussian, instead of at the Gaussian's maximum along the ray
     #[arg(long)]
     centre_depth: bool,
     /// Print JSON: [{"name","file"}]
@@ -104,27 +104,27 @@ pub(super) struct Args {
 enum What {
     /// The whole scene
     Color,
-    /// The base Gaussians alone, as they are stored in this file
+    /// Only the base Gaussians, as stored in this file
     Base,
     /// Distance at which half of the light is absorbed
     Depth,
-    /// The share of light from behind the scene
+    /// Share of light from behind the scene
     Transmittance,
-    /// What looks the same from every direction
+    /// Part that looks the same from every direction
     Diffuse,
     /// The rest: color minus diffuse
     Specular,
 }
 
-/// A view that is rendered.
+/// View to render.
 struct Shot {
     name: String,
     camera: Camera,
-    /// In the folder.
+    /// Name in the output folder.
     file: String,
 }
 
-/// A view and its file.
+/// View and its file, for `--json`.
 #[derive(Serialize)]
 struct Written<'a> {
     name: &'a str,
@@ -141,7 +141,7 @@ impl Args {
                 let what = "looks the same from everywhere (SH degree 0, no supplement), so it has no specular part";
                 return Err(Error::Usage(format!("{path}: {what}; render its color")).into());
             }
-            (None, What::Base) => note(format!("{path} has no supplement: its base is all there is")),
+            (None, What::Base) => note(format!("{path} has no supplement: its base is the whole scene")),
             _ => {}
         }
         let (shots, inputs) = self.shots(&photos)?;
@@ -176,7 +176,7 @@ impl Args {
         Ok(())
     }
 
-    /// What is rendered, and what is read for it.
+    /// Views to render, and the files that were read for them.
     fn shots(&self, photos: &PhotoArgs) -> Result<(Vec<Shot>, Inputs)> {
         let extension = if self.format == Format::Png { "png" } else { "exr" };
         let inputs = Inputs::default().scene(&self.scene);
@@ -189,10 +189,10 @@ impl Args {
             return Ok(((1..).zip(cameras).map(shot).collect(), inputs.scene(path)));
         }
         let Some(dataset) = &self.dataset else {
-            return Err(Error::Usage("a dataset or --path is needed, whose cameras are used".into()));
+            return Err(Error::Usage("expected a dataset or --path, for the cameras".into()));
         };
         let dataset = photos.open(dataset)?;
-        // Over all photos, so that a photo's file has the same name whatever the split.
+        // Named over all photos, so that a photo's file has the same name for every split.
         let names = stems(&dataset.photos).into_iter().map(|stem| format!("{stem}.{extension}"));
         let files: HashMap<&str, String> = dataset.photos.iter().map(|p| &p.name[..]).zip(names).collect();
         let shots = photos_of(&dataset, self.split.split())?.into_iter().map(|photo| Shot {

@@ -1,4 +1,4 @@
-//! `glint report`: one page that shows scenes beside the photos of a dataset, and beside one another.
+//! `glint report`: writes a page that compares scenes with the photos of a dataset and with one another.
 
 use std::{
     collections::BTreeMap,
@@ -38,23 +38,23 @@ pub(super) const PAGE: &str = "index.html";
 pub(super) const NUMBERS: &str = "report.json";
 
 const EXAMPLES: &str = "\
-One page, DIR/index.html, that needs nothing beside it: for each photo the renders of all scenes under a slider, their errors, and \
-the diffuse and specular light of augmented ones; tables; and with --history work-precision curves. The first scene is what gains are \
-over. On datasets of glint synth the true diffuse and specular light stand beside those of every scene, with their PSNR. \
-DIR/report.json has the numbers.
+Writes a single page, DIR/index.html, without other files: for each photo the renders of all scenes with a slider, their \
+errors, and the diffuse and specular light of augmented scenes; tables; and with --history work-precision curves. Gains are \
+over the first scene. For datasets of glint synth, the page shows the true diffuse and specular light next to those of every \
+scene, with their PSNR. DIR/report.json has the numbers.
 
-A history file has a JSON object on each line: {\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}, \
-and \"base_psnr\" where it is known what the run began with. \
-Lines of one name and seed are one run; runs that differ in the seed are shown with their mean and spread. --run adds \
-what `glint train --json` or `glint enhance --json` printed: the time of each stage, the memory, and of an augmentation its plan. It has \
-the name of the scene that it made.
+A history file has a JSON object on each line: \
+{\"name\",\"seconds\",\"bytes\",\"gaussians\",\"psnr\",\"ssim\",\"seed\",\"holdout\"}, and \"base_psnr\" if the PSNR of its \
+base is known. Lines with the same name and seed are one run; runs that differ in the seed are shown with their mean and \
+spread. --run adds the output of `glint train --json` or `glint enhance --json`: times of stages, memory, and the plan of an \
+augmentation, under the name of the scene that it made.
 
 Examples:
   glint report garden augmented=augmented.ply -o compared    # then open compared/index.html
   glint report garden base=base.ply augmented=augmented.ply -o compared
   glint report garden base=base.ply plain=plain.ply augmented=augmented.ply -o compared --history runs.jsonl";
 
-/// A scene and what it is called.
+/// Scene and its name on the page.
 #[derive(Debug, Clone)]
 struct Named {
     name: String,
@@ -70,22 +70,23 @@ fn parse_named(text: &str) -> Result<Named, String> {
     }
 }
 
-/// Show scenes of a dataset beside its photos, on one page
+/// Compare scenes with a dataset's photos on one page
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Folder or JSON file of the dataset
     dataset: PathBuf,
-    /// Scenes, each after its name
+    /// Scenes, each with a name
     #[arg(value_name = "NAME=SCENE", value_parser = parse_named, required = true)]
     scenes: Vec<Named>,
-    /// Folder of the page; made if it is not there
+    /// Output folder for the page; created if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Measurements of runs, JSON lines, for the curves. May be given several times
+    /// Measurements of runs as JSON lines, for curves. May be given several times
     #[arg(long, value_name = "FILE")]
     history: Vec<PathBuf>,
-    /// What `glint train --json` or `glint enhance --json` printed, for its times, memory and plan. May be given several times
+    /// Output of `glint train --json` or `glint enhance --json`, for times, memory and plan. May be given
+    /// several times
     #[arg(long, value_name = "FILE", alias = "plan")]
     run: Vec<PathBuf>,
     /// Photos to compare with
@@ -114,11 +115,11 @@ impl Args {
             self.scenes.iter().enumerate().find(|(i, a)| self.scenes[..*i].iter().any(|b| a.name == b.name))
         {
             return Err(
-                Error::Usage(format!("two scenes are called `{}`, expected a name for each", twice.1.name)).into()
+                Error::Usage(format!("two scenes are named `{}`, expected different names", twice.1.name)).into()
             );
         }
         let files = self.scenes.iter().map(|named| self.lenient.open_file(&named.path)).collect::<Result<Vec<_>>>()?;
-        // The first that says something counts, and the others are told to contradict it.
+        // Settings of the first scene count; a note reports contradictions in the others.
         let (mut photos, mut draw) = (self.photos.clone(), self.draw);
         for (file, Named { path, .. }) in files.iter().zip(&self.scenes) {
             (photos, draw) = (photos.like(file.trained_with, path), draw.like(file.trained_with, path));
@@ -144,7 +145,8 @@ impl Args {
     }
 }
 
-/// What `train --json` or `enhance --json` printed, named as the one of `scenes` that it made.
+/// Reads the output of `train --json` or `enhance --json`, and names it after the one of `scenes` that it
+/// made.
 fn read_run(path: &Path, scenes: &[Named]) -> Result<Run> {
     #[derive(Deserialize)]
     #[serde(untagged)]
@@ -163,7 +165,7 @@ fn read_run(path: &Path, scenes: &[Named]) -> Result<Run> {
     }
     let text = fs::read(path).map_err(|e| Error::io(path, e))?;
     let Printed { output, seconds, plan, stages, device_megabytes } = serde_json::from_slice(&text).map_err(|e| {
-        Error::input(path, format!("is not what `glint train --json` or `glint enhance --json` prints: {e}"))
+        Error::input(path, format!("is not the output of `glint train --json` or `glint enhance --json`: {e}"))
     })?;
     let phases = match seconds {
         Seconds::All(seconds) => vec![("training".into(), seconds)],
@@ -175,8 +177,8 @@ fn read_run(path: &Path, scenes: &[Named]) -> Result<Run> {
     Ok(Run { name: name_of(&output, scenes), plan, phases, stages, device_megabytes })
 }
 
-/// What the scene that a run wrote to `output` is called: by its path, or where nothing is there any more, by the name of its file if only
-/// one scene's has it. Else `output` itself.
+/// Name of the scene that a run wrote to `output`, found by its path. If that file is gone, the scene is
+/// found by its file name if only one has it. Otherwise, returns `output` itself.
 fn name_of(output: &str, scenes: &[Named]) -> String {
     let whole = |path: &Path| fs::canonicalize(path).ok();
     let written = whole(Path::new(output));
@@ -186,15 +188,15 @@ fn name_of(output: &str, scenes: &[Named]) -> String {
     scenes.iter().find(same).or(only).map_or_else(|| output.to_owned(), |named| named.name.clone())
 }
 
-/// A scene of a page.
+/// Scene to show on a page.
 pub(super) struct Shown<'a> {
     pub(super) name: &'a str,
     pub(super) scene: &'a Scene,
-    /// Of its file.
+    /// Size of its file, bytes.
     pub(super) bytes: u64,
 }
 
-/// What scenes are like beside photos.
+/// Result of comparing scenes with photos.
 pub(super) struct Compared {
     truths: Vec<Truth>,
     pub(super) entries: Vec<Entry>,
@@ -210,7 +212,7 @@ pub(super) fn compare(
     let progress = Progress::new("comparing", "views", (photos.len() * scenes.len()) as u64);
     let mut found = Compared { truths: Vec::new(), entries: Vec::new() };
     for shown in scenes {
-        // The photographs are the same beside every scene.
+        // The photos are the same for every scene.
         found.truths.clear();
         found.entries.push(entry(context, shown, photos, options, background, &progress, &mut found.truths)?);
     }
@@ -219,7 +221,7 @@ pub(super) fn compare(
 }
 
 impl Compared {
-    /// Into the folder `output`: the page and its numbers.
+    /// Writes the page and its numbers into the folder `output`.
     pub(super) fn write(&self, output: &Path, dataset: &str, history: &[Record], told: &[Run]) -> Result<()> {
         let names: Vec<&str> = self.entries.iter().map(|entry| &entry.name[..]).collect();
         let title = format!("{} on {dataset}", names.join(", "));
@@ -245,7 +247,7 @@ impl Compared {
     }
 }
 
-/// What `shown` is like in all `photos`, of which `truths` takes what is known.
+/// Compares `shown` with all `photos`. Adds photos and known true parts to `truths`.
 fn entry(
     context: &Context,
     shown: &Shown,
@@ -259,7 +261,7 @@ fn entry(
     let supplementary = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len());
     let cameras = || photos.iter().map(|photo| &photo.camera);
     let known = photos.iter().map(|photo| true_parts(photo)).collect::<Result<Vec<_>>>()?;
-    // Without a truth to compare with, a plain scene's light is not taken apart.
+    // A plain scene is split into its parts only if there are true parts to compare with.
     let apart = supplementary > 0 || known.iter().any(Option::is_some);
     let mut layers = apart.then(|| Layers::new(context, scene, cameras(), options)).transpose()?;
     let mut views = Vec::with_capacity(photos.len());
@@ -292,19 +294,19 @@ fn entry(
         views.push(EntryView { name, quality: view.quality.augmented, parts: scores, pictures: own });
         Ok(())
     })?;
-    // A mean over some of the views would compare with no other.
+    // A mean over a part of the views would not be comparable.
     let judged = views.iter().map(|view| view.parts).collect::<Option<Vec<_>>>();
     let parts = judged.and_then(|judged| PartsQuality::mean(&judged));
     let gaussians = scene.base.len() + supplementary;
     Ok(Entry { name: name.into(), gaussians, supplementary, bytes, mean: found.augmented, parts, views })
 }
 
-/// The true diffuse and specular part, where both are known.
+/// True diffuse and specular parts of a photo, if both exist.
 fn true_parts(photo: &Photo) -> Result<Option<[Photo; 2]>> {
     Ok(photo.part(DIFFUSE)?.zip(photo.part(SPECULAR)?).map(<[Photo; 2]>::from))
 }
 
-/// A picture of linear light, `gain` times as bright, of so many pixels across and down.
+/// Encodes a picture of linear light, `gain` times as bright, in pixels.
 fn light(linear: &[f32], gain: f32, (width, height): (u32, u32)) -> Result<String> {
     let bytes = linear.iter().map(|&v| to_byte(srgb_from_linear(gain * v))).collect();
     data_of(&RgbImage::from_vec(width, height, bytes).unwrap_or_default())
@@ -332,8 +334,8 @@ mod tests {
         let named = |name: &str, file: &str| Named { name: name.into(), path: path(file).into() };
         let scenes = [named("pursuit", "a/out.ply"), named("plain", "b/out.ply"), named("base", "b/base.ply")];
         fs::write(path("base.ply"), "").unwrap();
-        // By its path, however that is written; where it has gone, by the name of its file; not by one that several have, or that another
-        // file has.
+        // Found by its path, in any spelling, or by a unique file name if the path is gone. A name that
+        // several scenes or an existing file have does not count.
         let of = |output: &str| name_of(output, &scenes);
         assert_eq!([of(&path("a/../b/out.ply")), of("/gone/base.ply")], ["plain", "base"]);
         assert_eq!([of("/gone/out.ply"), of("/gone/other.ply")], ["/gone/out.ply", "/gone/other.ply"]);

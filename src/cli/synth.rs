@@ -1,4 +1,4 @@
-//! `glint synth`: writes a traced dataset whose diffuse and specular light is known.
+//! `glint synth`: writes a ray-traced dataset with known diffuse and specular light.
 
 use std::path::PathBuf;
 
@@ -11,8 +11,8 @@ use super::{
 use crate::data::builtin::synth::{Synth, SynthOptions};
 
 const EXAMPLES: &str = "\
-Writes transforms.json, points.ply (a sparse start), images/, and beside each photo its true diffuse and specular part, in \
-diffuse/ and specular/: 8-bit sRGB values of linear light that adds up. The cameras stand all around, the background is black. \
+Writes transforms.json, points.ply (sparse points), images/, and the true diffuse and specular part of each photo in diffuse/ \
+and specular/: 8-bit sRGB values of linear light that adds up. The cameras surround the scene; the background is black. \
 `glint eval --decomposition` compares a scene's parts with the true ones.
 
 Examples:
@@ -20,14 +20,14 @@ Examples:
   glint train mirror -o base.ply && glint eval base.ply mirror --decomposition
   glint train mirror -o base.ply --holdout sector";
 
-/// Make a dataset whose diffuse and specular light is known
+/// Make a dataset with known diffuse and specular light
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// What the scene is made of
+    /// Materials of the scene
     #[arg(value_enum)]
     name: Synth,
-    /// Folder of the dataset; made if it is not there
+    /// Output folder for the dataset; created if missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Number of photos
@@ -40,7 +40,7 @@ pub(super) struct Args {
     /// Number of sparse points
     #[arg(long, default_value_t = 4000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     points: u32,
-    /// Seed of the cameras' places and of the sparse points
+    /// Seed for the positions of cameras and sparse points
     #[arg(long, default_value_t = 0)]
     seed: u32,
     #[command(flatten)]
@@ -54,7 +54,7 @@ impl Args {
             SynthOptions { views: self.views, size: self.size, points: self.points as usize, seed: self.seed.into() };
         self.replace.check_files(&self.output, options.files().iter().map(String::as_str), &inputs)?;
         self.replace.make_folder(&self.output, &inputs)?;
-        note(format!("{} photos of {} × {} pixels are traced", self.views, self.size, self.size));
+        note(format!("tracing {} photos of {} × {} pixels", self.views, self.size, self.size));
         let scene = self.name.photograph(&options)?;
         scene.write(&self.output)?;
         Ok(print(format_args!(

@@ -1,5 +1,5 @@
-//! `glint train`: trains a base scene. Here are its options and what a run is made of; `first` has the Gaussians that it begins with,
-//! `course` its loop.
+//! `glint train`: trains a base scene. This file has the options and the setup of a run; `first` has the
+//! initial Gaussians, `course` the training loop.
 
 use std::{
     path::PathBuf,
@@ -45,15 +45,15 @@ mod course;
 mod first;
 
 const EXAMPLES: &str = "\
-Gaussians start at the dataset's sparse points, or at random points if there are none. --strategy says how they go on: where \
-photos are not yet met there are more, up to --gaussians, and transparent ones go. Only training photos are used.
+Gaussians start at the dataset's sparse points, or at random points if there are none. The default --strategy adds more where \
+errors are large, up to --gaussians, and moves transparent ones there. Only training photos are used.
 
-What was learned is saved beside the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for \
-base.ply). The same command resumes there, gives the same scene as an uninterrupted run, and removes it in the end. \
-With --time it goes on for the time that was left. --restart begins anew and renames the checkpoint to base.checkpoint.safetensors.old.
+A checkpoint is saved next to the output every minute, on an error and on Ctrl-C (base.checkpoint.safetensors for base.ply). \
+The same command resumes from it, gives the same scene as an uninterrupted run, and removes it at the end. With --time it \
+resumes for the time that was left. --restart starts over and renames the checkpoint to base.checkpoint.safetensors.old.
 
---eval-every writes base.history.jsonl beside base.ply, a JSON object on each line (what glint report --history reads, and step and loss), \
-and base.history/step-NNNNNN.png: the first test photo, its render and their error.
+--eval-every writes base.history.jsonl next to base.ply, with a JSON object on each line (the fields of glint report \
+--history, step and loss), and base.history/step-NNNNNN.png: the first test photo, its render and its error.
 
 Examples:
   glint train garden -o base.ply
@@ -64,17 +64,17 @@ Examples:
   glint train garden -o base.ply --points 100000 --gaussians 300000 --iterations 7000
   glint train lego -o base.ply --iterations 7000 --max-size 400 --json > report.json";
 
-/// A submission takes no more of a run's time than one part in so many: two of them are on their way when it is to end.
+/// A submission takes at most 1/40 of a run's time, because two are still running when the time ends.
 const SUBMISSIONS: u32 = 40;
-/// Bytes a second that a scene is written with at least, but for a slow disk.
+/// Minimum speed of writing a scene, bytes per second, except on slow disks.
 const WRITTEN_PER_SECOND: f64 = 2e8;
-/// Of a Gaussian's scores in a checkpoint.
+/// Size of a Gaussian's scores in a checkpoint, bytes.
 const SCORE_BYTES: u64 = 4 * SCORES as u64;
-/// A request for more Gaussians than this is compared with the device's memory before anything is allocated.
+/// Larger requests for Gaussians are compared with the device's memory before anything is allocated.
 const MANY: u32 = 1 << 20;
 
 /// Train a base scene on photos
-// Serialised into the settings of a checkpoint: an option that is new is in them unless it says that it changes nothing there.
+// Serialized into the settings of a checkpoint. A new option becomes part of them unless it is skipped.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[command(after_help = EXAMPLES)]
@@ -82,63 +82,66 @@ pub(super) struct Args {
     /// Folder or JSON file of the dataset
     #[serde(skip)]
     dataset: PathBuf,
-    /// PLY file to write
+    /// Output PLY file
     #[arg(short, long, value_name = "PLY")]
     #[serde(skip)]
     output: PathBuf,
-    /// Steps, one photo each
+    /// Number of steps, one photo each
     #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST)))]
     iterations: u32,
-    /// Time in place of a number of steps: 90s, 5m, 1.5h. Reading photos is part of it. How many steps there will be follows from how long
-    /// they take, and all schedules end with the last. What --eval-every takes comes on top. Two runs differ
+    /// Train for this time instead of a number of steps: 90s, 5m, 1.5h, including the reading of photos.
+    /// glint derives the number of steps from their duration, and all schedules end with the last step.
+    /// Evaluations by --eval-every come on top. Two runs differ
     #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "iterations")]
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "in_seconds")]
     time: Option<Duration>,
-    /// Compare with the test photos after every N steps and at the end
+    /// Evaluate on the test photos after every N steps and at the end
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     #[serde(skip)]
     eval_every: Option<u32>,
     /// Degree of the spherical harmonics, 0 to 3
     #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: u32,
-    /// How colours depend on the direction of view
+    /// Color model
     #[arg(long, value_enum, default_value_t)]
     #[serde(skip_serializing_if = "is_default")]
     color: ColorArg,
-    /// Number of Gaussians at the start: a random subset if there are more sparse points, random points if there are no
-    /// sparse ones. Fewer are faster [default: all sparse points, or random ones: a quarter of --gaussians, or one for each pixel of the
-    /// largest photo, at most 25000; four times as many where the strategy is not budget]
+    /// Number of Gaussians at the start: a random subset of the sparse points, or random points if there
+    /// are none. Fewer train faster [default: all sparse points; without any, a quarter of --gaussians, or
+    /// one for each pixel of the largest photo, at most 25000; four times as many random ones if the
+    /// strategy is not budget]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     points: Option<u32>,
-    /// Begin with what a file holds in place of the dataset's points: a PLY of points (and their colours), or the Gaussians of any scene or
-    /// checkpoint, which then learn on
+    /// Start from this file instead of the dataset's points: a PLY of points (and their colors), or the
+    /// Gaussians of any scene or checkpoint
     #[arg(long, value_name = "FILE")]
     #[serde(skip)]
     init: Option<PathBuf>,
     #[command(flatten)]
     #[serde(skip)]
     lenient: SceneArgs,
-    /// Gaussians at most, at the start too; the default strategy ends with as many [default: four times those of the start, but one for 16
-    /// pixels of the training photos at most and one for 256 at least, and no more than find room in memory; with --strategy fixed and of a
-    /// scene that --init names as many as there are]
+    /// Maximum number of Gaussians; the default strategy grows to this number [default: 4× the initial
+    /// number, clamped to between one per 256 and one per 16 training pixels, and to the device's memory;
+    /// the initial number with --strategy fixed or a scene as --init]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gaussians: Option<u32>,
-    /// How Gaussians are pruned and multiplied
+    /// Strategy that prunes and multiplies Gaussians
     #[arg(long, value_enum, default_value_t)]
     strategy: Strategy,
-    /// Learn an affine map of colours for each training photo beside the scene, for photos of changing exposure or white balance. Their
-    /// mean stays the identity; test photos, eval and render have none
+    /// Learn an affine color map for each training photo, for photos of changing exposure or white balance.
+    /// The mean of all maps stays the identity; test photos, eval and render use none
     #[arg(long)]
     exposure: bool,
-    /// Begin with photos whose sides are halved so many times, which takes less time: a quarter of their sides until 30 % of the run, half
-    /// until 70 % [default: 2, as far as longer sides keep 128 pixels; 0 with mcmc and adc]
+    /// Train on downscaled photos at first, with sides halved up to N times: for 2, a quarter of their
+    /// sides until 30 % of the run, half until 70 % [default: 2, as far as longer sides keep 128 pixels; 0
+    /// with mcmc and adc]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=HALVED_UNTIL.len() as i64))]
     #[serde(skip)]
     halvings: Option<u32>,
-    /// Seed of the random points and of the order of photos; the same seed and device give the same scene
+    /// Seed of random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Print JSON: what was done, how fast, and the device time of each stage
+    /// Print JSON with the counts, the speed and the device time of each stage
     #[arg(long)]
     #[serde(skip)]
     json: bool,
@@ -171,7 +174,7 @@ enum ColorArg {
     /// Spherical harmonics of --sh-degree
     #[default]
     Sh,
-    /// Two spherical betas, as DBS; with --strategy mcmc or adc
+    /// Two spherical betas, as in DBS; needs --strategy mcmc or adc
     Sb,
 }
 
@@ -183,7 +186,7 @@ fn is_default(color: &ColorArg) -> bool {
     *color == ColorArg::default()
 }
 
-/// What `--json` prints.
+/// Content of `--json`.
 #[derive(Serialize)]
 struct Report<'a> {
     output: &'a str,
@@ -193,38 +196,38 @@ struct Report<'a> {
     /// Degree of the harmonics; `None` for other color models.
     sh_degree: Option<u32>,
     iterations: u32,
-    /// Those of them that an earlier run did.
+    /// Steps done by an earlier run; included in `iterations`.
     iterations_resumed: u32,
     seed: u64,
-    /// How often sides of photos were halved at first.
+    /// Number of times that the sides of photos were halved at first.
     halvings: u32,
     /// Width × height of a tile, pixels.
     tile: String,
-    /// Of the training loop alone, in this run, without evaluations.
+    /// Time of the training loop in this run, without evaluations.
     seconds: f64,
     steps_per_second: f64,
     /// Mean over the last pass through the photos.
     final_loss: f64,
-    /// With --exposure: the largest difference of an entry of a photo's map from the identity's.
+    /// With --exposure: the largest difference between an entry of a photo's map and the identity.
     #[serde(skip_serializing_if = "Option::is_none")]
     largest_exposure: Option<f32>,
-    /// The most that the device held.
+    /// Peak device memory, MB.
     device_megabytes: f64,
-    /// How often a buffer was too small and was grown.
+    /// Number of times that a buffer overflowed and was grown.
     buffers_grown: u32,
-    /// In the order in which they first run; empty where the device has no timestamps.
+    /// Stages in the order of their first run; empty if the device has no timestamps.
     stages: Vec<StageMean>,
 }
 
-/// What was read before there is a device.
+/// Inputs read before a device is opened.
 struct Read<'a> {
-    /// When reading began.
+    /// Start of reading.
     began: Instant,
     dataset: &'a Dataset,
     photos: Vec<&'a Photo>,
-    /// With --eval-every.
+    /// Test photos, with --eval-every.
     test: Option<Vec<&'a Photo>>,
-    /// What the test photos are, in a word.
+    /// Name of the selection of test photos.
     holdout: String,
     policy: Policy,
     trained_with: TrainedWith,
@@ -270,7 +273,7 @@ impl Args {
         self.watch.with(&run, |context, look_at| self.train(context, look_at, read, first))
     }
 
-    /// What the user would not expect of what was read.
+    /// Prints notes on the initial Gaussians and the cameras.
     fn tell(&self, first: &First, dataset: &Dataset) {
         first.notes.iter().for_each(|text| note(text.as_str()));
         let sh_degree = self.degree();
@@ -279,11 +282,11 @@ impl Args {
             note(format!("SH degree {sh_degree}: bands {} are not stored", bands.join(", ")));
         }
         if dataset.extent() as f32 == 0.0 {
-            note("all training cameras stand at one place, which gives no scale: positions are not learned");
+            note("all training cameras are at one place, which gives no scale: positions do not learn");
         }
     }
 
-    /// The run itself, from what was read to the scene.
+    /// Trains on the inputs and writes the scene.
     fn train(&self, context: &Context, look_at: &mut Look<'_>, read: Read<'_>, mut first: First) -> Outcome {
         let Read { began, dataset, photos, test, holdout, policy, trained_with, inputs, replace } = read;
         let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
@@ -300,7 +303,7 @@ impl Args {
                 .halvings
                 .unwrap_or_else(|| if self.strategy.is_newton() { halvings_for(&photos) } else { 0 }),
         };
-        // A disk needs room for what memory leaves of them.
+        // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);
         let scene = u64::from(control.limit) * gaussian_bytes(course.sh_degree, false);
         check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
@@ -349,7 +352,7 @@ impl Args {
         if let Some(history) = &mut history {
             history.begin(found.as_ref().map(|_| had), &replace, &inputs)?;
         }
-        // For --json and -v.
+        // Stages are timed for --json and -v.
         let timed = self.json || tracing::enabled!(tracing::Level::INFO);
         match &found {
             Some(checkpoint) => trainer.resume(&model, checkpoint, timed)?,
@@ -385,28 +388,26 @@ impl Args {
         }
     }
 
-    /// What the device will hold, for -v.
+    /// Logs the expected device memory.
     fn tell_memory(&self, pixels: u64, most: u32, halvings: u32) {
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
         if halvings > 0 {
-            tracing::info!(
-                "photos are seen with sides halved {} at first",
-                if halvings == 1 { "once" } else { "twice" }
-            );
+            let times = if halvings == 1 { "once" } else { "twice" };
+            tracing::info!("training starts on photos with sides halved {times}");
         }
         let bytes = u64::from(most) * self.learning_bytes();
         tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(bytes));
     }
 
-    /// Of a Gaussian that learns.
+    /// Device memory of a Gaussian that learns, bytes.
     fn learning_bytes(&self) -> u64 {
         let packed = self.learn.precision == super::Precision::Half;
         learning_bytes(self.degree(), packed, self.strategy.is_newton())
     }
 
-    /// The end of a run of so long that began at `began` and is about to take its first step, less what writing so many Gaussians takes. One
-    /// that goes on has the time that was left, be it none.
+    /// Deadline of a run of length `time`, which began reading at `began`, minus the time to write the
+    /// scene. A resumed run has the time that was left, possibly none.
     fn deadline(
         &self,
         time: Duration,
@@ -423,15 +424,15 @@ impl Args {
         }
         if now >= began + left {
             let passed = (now - began).as_secs_f64();
-            let what = "expected more, as a scene takes hundreds of steps";
+            let what = "expected more time, since a scene takes hundreds of steps";
             return Err(Error::Usage(format!(
-                "--time {time:?}: no time is left for a step, as {passed:.1} s were over before the first; {what}"
+                "--time {time:?}: no time is left for a step, because {passed:.1} s passed before the first; {what}"
             )));
         }
         Ok(Deadline::new(now, began + left))
     }
 
-    /// What colours are: a degree of harmonics, or betas.
+    /// Color model: a degree of harmonics, or betas.
     fn degree(&self) -> u32 {
         if self.color == ColorArg::Sb { color::BETAS } else { self.sh_degree }
     }
@@ -441,7 +442,7 @@ impl Args {
             return Ok(());
         }
         if self.strategy.is_newton() {
-            return Err(Error::Usage("--color sb learns by Adam's steps: expected --strategy mcmc or adc".into()));
+            return Err(Error::Usage("--color sb needs Adam: expected --strategy mcmc or adc".into()));
         }
         if self.sh_degree != BaseOptions::default().sh_degree {
             return Err(Error::Usage("--color sb has no harmonics: --sh-degree is for --color sh".into()));
@@ -449,7 +450,7 @@ impl Args {
         Ok(())
     }
 
-    /// Fails if the device has no memory for the Gaussians that were asked for, before anything is allocated.
+    /// Fails before any allocation if the requested Gaussians exceed the device's memory.
     fn check_asked(&self, dataset: &Dataset) -> Outcome {
         // Sparse points limit their own number; random points do not.
         let drawn = self.points.filter(|_| self.init.is_none() && dataset.points.is_none());
@@ -463,14 +464,14 @@ impl Args {
                 return Ok(());
             }
             let what = format!(
-                "{option} {n}: the device's memory holds {fit} Gaussians, {bytes} bytes each; expected no more"
+                "{option} {n}: the device's memory holds {fit} Gaussians of {bytes} bytes; expected no more than that"
             );
             Err(Error::Usage(what).into())
         })
     }
 
-    /// What a run keeps beside its scene while it goes on: its checkpoint, twice while one takes the place of another, and pictures of the
-    /// first of these photos, as far as it is known how many there will be.
+    /// Bytes on disk next to the scene: the checkpoint, twice while one replaces another, and pictures of
+    /// the first test photo if their number is known.
     fn kept_bytes(&self, control: &DensityOptions, test: &[&Photo]) -> u64 {
         let gaussian = self.learning_bytes() + SCORE_BYTES;
         let checkpoint = u64::from(control.limit) * gaussian + 4 * u64::from(control.iterations);

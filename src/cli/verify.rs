@@ -1,4 +1,4 @@
-//! `glint verify`: judges a device and its driver, every kernel against float64.
+//! `glint verify`: tests a device and its driver by comparing every kernel with float64.
 
 use std::path::{Path, PathBuf};
 
@@ -24,15 +24,16 @@ Examples:
 
 /// Check a device and its driver: the error of every kernel against float64, and its time
 ///
-/// Without a dataset, every stage runs in each variant, on built-in data. With a dataset, glint trains on its photos for 30 steps and compares
-/// each dispatch with float64 on the same buffers: a broken row names the stage that deviates. Exit code 1 if a bound is broken.
+/// Without a dataset, every stage runs in each variant, on built-in data. With a dataset, glint trains on
+/// its photos for 30 steps and compares each dispatch with float64 on the same buffers: a broken row names
+/// the stage that deviates. The exit code is 1 if a bound is broken.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder or JSON file of a dataset to check the first training steps on
+    /// Folder or JSON file of a dataset, to check the first training steps on it
     #[arg(conflicts_with = "quick")]
     dataset: Option<PathBuf>,
-    /// Scene to start from, in place of the dataset's points
+    /// Scene to start from, instead of the dataset's points
     scene: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
@@ -42,17 +43,18 @@ pub(super) struct Args {
     draw: DrawArgs,
     #[command(flatten)]
     lenient: SceneArgs,
-    /// Small cases only: less than a minute on two CPU cores, where all take some minutes
+    /// Check small cases only: less than a minute on two CPU cores, instead of some minutes
     #[arg(long)]
     quick: bool,
-    /// Print JSON: {"device","rates","rows":[{"stage","variant","errors","breaches","time"}],"seconds"}; times in seconds
+    /// Print JSON: {"device","rates","rows":[{"stage","variant","errors","breaches","time"}],"seconds"};
+    /// times in seconds
     #[arg(long)]
     json: bool,
-    /// Show that the bounds notice: put this relative error into every reference result, upon which rows must break; with 0.002
-    /// all do
+    /// Self-test of the bounds: add this relative error, 0 to 1, to every reference result. Rows must then
+    /// fail; with 0.002 all do
     #[arg(long, value_name = "ERROR", default_value_t = 0.0, hide_default_value = true, value_parser = parse_error)]
     perturb: f64,
-    /// Print the bounds and their reasons, and do nothing else
+    /// Print the bounds and their reasons, and exit
     #[arg(long, conflicts_with_all = ["quick", "json", "perturb"])]
     explain: bool,
 }
@@ -98,7 +100,7 @@ impl Args {
             None => {
                 let cloud = first_points(&dataset, None, 0).cloud;
                 let mut base = from_points(&cloud.around(origin), &cloud.colors, 3);
-                // The gradient of a sphere's rotation is 0, of which float32 has the rounding only.
+                // The gradient of a sphere's rotation is 0; float32 would compute only rounding errors.
                 base.log_scales.iter_mut().for_each(|axes| (axes[0], axes[1]) = (axes[0] + 0.1, axes[1] - 0.1));
                 Scene { base, origin, ..Default::default() }
             }

@@ -85,10 +85,10 @@ impl fmt::Display for Holdout {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Alpha {
-    /// They show the background
+    /// The background shows through
     #[default]
     Background,
-    /// Pixels with alpha below a half are ignored
+    /// Pixels with alpha below one half are ignored
     Mask,
 }
 

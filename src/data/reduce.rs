@@ -4,10 +4,10 @@
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Reduce {
-    /// By the mean over each pixel's area, as a sensor with fewer, larger cells would see it
+    /// Mean over each pixel's area, like a sensor with fewer, larger cells
     #[default]
     Area,
-    /// By a bicubic filter, as the code of 3DGS does it: for comparing with published figures
+    /// Bicubic filter as in the code of 3DGS, for comparison with published figures
     // Keys' cubic with a = −1/2, stretched by the scale factor: Pillow's `BICUBIC`, except for its rounding
     // to bytes between the two directions.
     Bicubic,

@@ -32,13 +32,13 @@ use crate::{
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Strategy {
-    /// Not at all
+    /// Constant number of Gaussians
     Fixed,
-    /// As 3DGS-MCMC (Kheradmand 2024): transparent ones move to opaque ones, 5 % more at each refinement
+    /// 3DGS-MCMC (Kheradmand 2024): transparent Gaussians move to opaque ones, 5 % more at each refinement
     Mcmc,
-    /// As 3DGS (Kerbl 2023): those with large gradients are cloned or split, opacities are reset
+    /// 3DGS (Kerbl 2023): Gaussians with large gradients are cloned or split, opacities are reset
     Adc,
-    /// More over the run up to the limit, and transparent ones move, to where errors are
+    /// Grows up to the limit, toward places with large errors; transparent Gaussians move there
     #[default]
     Budget,
 }

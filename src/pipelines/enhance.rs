@@ -34,11 +34,12 @@ use crate::{
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// By what they gain in all photos at once; then everything learns
+    /// Residual pursuit: places the Gaussians that gain most in all photos at once; then everything learns
     // Method, section 7.
     #[default]
     Pursuit,
-    /// The paper's: fitted in each photo, lifted by its depth; then the base learns its opacities only
+    /// The paper's method: fits Gaussians in each photo and lifts them by its depth; then the base learns only its
+    /// opacities
     // Method, sections 3 and 4.
     Augs,
 }

@@ -1,31 +1,33 @@
-//! What of an image is the same from everywhere and what is not (method, section 6), in linear light.
+//! Decomposition of images into diffuse light, the same from every direction, and specular light (method,
+//! section 6), in linear light.
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{Error, Result, data::srgb};
 
-/// [`srgb::linear_from_srgb`] of the values that images have.
+/// [`srgb::linear_from_srgb`] for values of images.
 pub fn linear_from_srgb(v: f32) -> f32 {
     srgb::linear_from_srgb(v.into()) as f32
 }
 
-/// The inverse of [`linear_from_srgb`].
+/// Inverse of [`linear_from_srgb`].
 pub fn srgb_from_linear(v: f32) -> f32 {
     srgb::srgb_from_linear(v.into()) as f32
 }
 
-/// Two images that add up to the whole, linear light, as long as what they were made from.
+/// Two images in linear light that add up to the whole, with as many values as the input.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decomposition {
-    /// Linear light, `[height · width · 3]`.
+    /// Diffuse part, linear light, `[height · width · 3]`.
     pub diffuse: Vec<f32>,
-    /// Linear light, `[height · width · 3]`; diffuse and specular add up to the image.
+    /// Specular part, linear light, `[height · width · 3]`; diffuse and specular add up to the image.
     pub specular: Vec<f32>,
 }
 
-/// `whole` is an image of everything, `constant` one of the base Gaussians with their constant SH band only; both sRGB values
-/// of the same length. Diffuse is the smaller of the two in linear light, specular what the whole has more, never negative.
+/// Decomposes `whole`, an image of the whole scene. `constant` shows the base Gaussians with their constant
+/// SH band only. Both hold sRGB values and have the same length. Diffuse is the smaller of the two in
+/// linear light; specular is the rest of `whole`, never negative.
 pub fn decompose(whole: &[f32], constant: &[f32]) -> Decomposition {
     let (diffuse, specular) = whole
         .par_iter()
@@ -38,18 +40,18 @@ pub fn decompose(whole: &[f32], constant: &[f32]) -> Decomposition {
     Decomposition { diffuse, specular }
 }
 
-/// How near the parts of a render are to the true ones: peak signal-to-noise ratios, dB, in linear light; infinite for equal
-/// images (`null` in JSON).
+/// Quality of a render's parts against the true ones, in linear light; infinite for equal images (`null` in
+/// JSON).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PartsQuality {
-    /// PSNR in linear light, dB.
+    /// PSNR of the diffuse part in linear light, dB.
     pub diffuse: f64,
-    /// PSNR in linear light, dB.
+    /// PSNR of the specular part in linear light, dB.
     pub specular: f64,
 }
 
 impl PartsQuality {
-    /// Mean over views, of the decibels; infinite if any view is. `None` of none.
+    /// Mean decibels over views; infinite if any view is, `None` without views.
     pub fn mean(views: &[PartsQuality]) -> Option<PartsQuality> {
         let n = views.len() as f64;
         (!views.is_empty()).then(|| PartsQuality {
@@ -59,11 +61,11 @@ impl PartsQuality {
     }
 }
 
-/// Compares `parts` with the true ones, sRGB bytes as many as `parts` has values, where `mask`, by pixel, counts. Light is
-/// clamped to 0 to 1, as the true parts are.
+/// Compares `parts` with the true ones, which have as many sRGB bytes as `parts` has values. `mask` selects
+/// the pixels that count. Light is clamped to between 0 and 1, as in the true parts.
 ///
 /// # Errors
-/// [`Error::Usage`] for other numbers of values, where no pixel counts, and for NaN.
+/// [`Error::Usage`] for other numbers of values, if no pixel counts, and for NaN.
 pub fn judge(parts: &Decomposition, diffuse: &[u8], specular: &[u8], mask: Option<&[bool]>) -> Result<PartsQuality> {
     let psnr = |name: &str, found: &[f32], truth: &[u8]| {
         let n = found.len();
@@ -78,9 +80,9 @@ pub fn judge(parts: &Decomposition, diffuse: &[u8], specular: &[u8], mask: Optio
         };
         let counted = (0..n).filter(counts).count();
         let error = (0..n).filter(counts).map(square).sum::<f64>() / counted as f64;
-        // Without pixels the mean is NaN too.
+        // Without pixels the mean is NaN, too.
         if error.is_nan() {
-            return Err(Error::Usage(format!("{name}: no pixel counts, or the render is not a number")));
+            return Err(Error::Usage(format!("{name}: no pixel counts, or the render is NaN")));
         }
         Ok(10.0 * error.recip().log10())
     };
@@ -96,7 +98,7 @@ mod tests {
 
     #[test]
     fn parts_are_judged_in_linear_light_where_the_mask_counts() {
-        // Bytes 0, 255 and 188, of linear light 0, 1 and 0.5029 (IEC 61966-2-1).
+        // Bytes 0, 255 and 188 have linear light 0, 1 and 0.5029 (IEC 61966-2-1).
         let half = 0.502_886_5;
         let parts = Decomposition {
             diffuse: vec![0.1, 1.0, half, 9.0, 9.0, 9.0],
@@ -106,7 +108,7 @@ mod tests {
         let found = judge(&parts, &truth, &truth, Some(&[true, false])).unwrap();
         // One of three values is off by 0.1.
         assert!((found.diffuse - 10.0 * 300f64.log10()).abs() < 1e-4, "{found:?}");
-        // What is brighter than white is white; the curve is float32's.
+        // Values brighter than white count as white; the curve is in float32.
         assert!(found.specular > 120.0, "{found:?}");
         let all = judge(&parts, &truth, &truth, None).unwrap();
         assert!((all.specular - 10.0 * 8f64.log10()).abs() < 1e-4 && all.diffuse < 3.1, "{all:?}");
@@ -128,7 +130,7 @@ mod tests {
 
     #[test]
     fn the_srgb_curve_and_its_inverse() {
-        // Mid grey of the standard's table, and both ends.
+        // Middle gray of the standard's table, and both ends.
         assert!((linear_from_srgb(0.5) - 0.214_041_14).abs() < 1e-6);
         assert_eq!((linear_from_srgb(0.0), linear_from_srgb(1.0)), (0.0, 1.0));
         for i in 0..=300 {

@@ -1,4 +1,4 @@
-//! How near a scene's renders are to the photographs, with and without its supplement.
+//! Evaluates a scene against photos, with and without its supplement.
 
 use serde::Serialize;
 
@@ -15,47 +15,48 @@ use crate::{
     scene::Scene,
 };
 
-/// One photograph.
+/// Quality of one view.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ViewQuality {
-    /// The photo's name in the dataset.
+    /// Name of the photo in the dataset.
     pub name: String,
-    /// The base Gaussians alone, as stored in this scene.
+    /// Quality of the base Gaussians alone, as stored in this scene.
     pub base: Quality,
-    /// The whole scene; the same as `base` where there is no supplement.
+    /// Quality of the whole scene; equals `base` if there is no supplement.
     pub augmented: Quality,
 }
 
-/// Means over views, and the views.
+/// Quality of all views and their means.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evaluation {
-    /// The plain Gaussians alone.
+    /// Mean quality of the base Gaussians alone.
     pub base: Quality,
-    /// The whole scene.
+    /// Mean quality of the whole scene.
     pub augmented: Quality,
-    /// In the order of the photos, but for those of which no pixel counts.
+    /// Views in the order of the photos, without those whose masks leave out every pixel.
     pub views: Vec<ViewQuality>,
 }
 
-/// A photograph beside what was rendered of it.
+/// Photo with the renders that are compared to it.
 pub struct Compared<'a> {
-    /// The truth.
+    /// The photo.
     pub photo: &'a Photo,
-    /// The photograph as it was prepared.
+    /// Pixels of the photo after preparation.
     pub truth: &'a Image,
-    /// Of the plain Gaussians alone.
+    /// Render of the base Gaussians alone.
     pub base: &'a Rendered,
-    /// The same as `base` where there is no supplement.
+    /// Render of the whole scene; equals `base` if there is no supplement.
     pub whole: &'a Rendered,
-    /// Of both renders.
+    /// Quality of both renders.
     pub quality: &'a ViewQuality,
 }
 
-/// Compares renders of `scene`, unquantised and clamped, with `photos`, which are the dataset's with its background. One view
-/// is held at a time, and shown to `each`. Photos of which no pixel counts are left out.
+/// Compares renders of `scene`, clamped but not quantized, with `photos`. These and `background` belong to
+/// one dataset. Only one view is in memory at a time; `each` gets it. Photos whose masks leave out every
+/// pixel are skipped.
 ///
 /// # Errors
-/// [`Error::Usage`] where no photo is left; those of the files, of the device and of `each`.
+/// [`Error::Usage`] if no photo is left; errors of files, of the device and of `each`.
 pub fn evaluate(
     context: &Context,
     scene: &Scene,
@@ -103,37 +104,37 @@ fn nothing_to_compare(photos: usize) -> Error {
     })
 }
 
-/// The parts of one photograph.
+/// Quality of the parts in one view.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ViewParts {
-    /// The photo's name in the dataset.
+    /// Name of the photo in the dataset.
     pub name: String,
     /// PSNR of both parts.
     #[serde(flatten)]
     pub quality: PartsQuality,
 }
 
-/// Means over views, and the views.
+/// Quality of the parts in all views and their means.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PartsEvaluation {
     /// Mean over the views.
     #[serde(flatten)]
     pub mean: PartsQuality,
-    /// In the dataset's order, but for photos of which no pixel counts.
+    /// Views in the order of the photos, without those whose masks leave out every pixel.
     pub views: Vec<ViewParts>,
 }
 
-/// The diffuse and the specular part of what `camera` sees of a scene (method, section 6).
+/// Renders the diffuse and the specular part of a scene from the camera of `photo` (method, section 6).
 pub fn render_parts(layers: &mut Layers, photo: &Photo, background: [f32; 3]) -> Result<Decomposition> {
     let whole = layers.render(Layer::Whole, &photo.camera, background)?;
     let constant = layers.render(Layer::Constant, &photo.camera, background)?;
     Ok(decompose(&whole.color, &constant.color))
 }
 
-/// Compares the parts of `scene` with the true ones that lie beside `photos` (see [`Photo::part`]).
+/// Compares the parts of `scene` with the true ones of `photos` (see [`Photo::part`]).
 ///
 /// # Errors
-/// [`Error::Usage`] where no photo is left, or a part beside one is missing; those of the files and of the device.
+/// [`Error::Usage`] if no photo is left or a true part is missing; errors of files and of the device.
 pub fn evaluate_parts(
     context: &Context,
     scene: &Scene,
@@ -143,19 +144,19 @@ pub fn evaluate_parts(
 ) -> Result<PartsEvaluation> {
     let missing = |photo: &Photo, part: &str| {
         Error::Usage(format!(
-            "photo `{}` has no true {part} part: expected an image of its name in a folder {part} beside the photos' own, as glint \
-             synth writes them",
+            "photo `{}` has no true {part} part: expected an image of its name in a folder {part} next to the photos' \
+             folder, as glint synth writes them",
             photo.name
         ))
     };
     let part = |photo: &Photo, part| photo.part(part)?.ok_or_else(|| missing(photo, part));
-    // All are looked for before anything is rendered.
+    // All parts are found before anything is rendered.
     let truths =
         photos.iter().map(|photo| Ok([part(photo, DIFFUSE)?, part(photo, SPECULAR)?])).collect::<Result<Vec<_>>>()?;
     let mut layers = Layers::new(context, scene, photos.iter().map(|p| &p.camera), options)?;
     let mut views = Vec::with_capacity(photos.len());
     for (photo, [diffuse, specular]) in photos.iter().zip(&truths) {
-        // The photo decides, so that these are the views of `evaluate`.
+        // The photo's mask decides, so that these are the views of `evaluate`.
         if !photo.load(background)?.any_counts() {
             continue;
         }

@@ -1,4 +1,4 @@
-//! Work-precision curves: how good a scene became over seconds, bytes and Gaussians, read from JSON lines and drawn as SVG.
+//! Work-precision curves: quality over seconds, bytes and Gaussians, read from JSON lines and drawn as SVG.
 
 use std::fs;
 use std::path::Path;
@@ -9,11 +9,11 @@ use serde::Deserialize;
 
 use crate::{Error, Result};
 
-/// Pixels: three beside each other in a window of 1280.
+/// Size of a plot, pixels. Three fit side by side in a window of 1280.
 const SIZE: (u32, u32) = (400, 300);
-/// Where the largest value is more than this many times the smallest, the axis is logarithmic.
+/// Minimum ratio of the largest to the smallest value for a logarithmic axis.
 const WIDE: f64 = 10.0;
-/// Okabe and Ito's colours, which the colour-blind can tell apart too, but for yellow and black.
+/// Okabe and Ito's colors without yellow and black; also distinct with color blindness.
 const COLORS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -23,33 +23,33 @@ const COLORS: [RGBColor; 6] = [
     RGBColor(86, 180, 233),
 ];
 
-/// One measurement of a run.
+/// Measurement of a run.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Record {
-    /// What was run; all its measurements and seeds have the same.
+    /// Name of the run, shared by all its measurements and seeds.
     pub name: String,
-    /// Since the run's start, at least 0.
+    /// Time since the run's start, seconds, at least 0.
     pub seconds: f64,
-    /// Of the scene's file.
+    /// Size of the scene's file, bytes.
     pub bytes: u64,
-    /// With lobes and without.
+    /// Number of Gaussians, with and without lobes.
     pub gaussians: u64,
-    /// Means over the test photos: dB, and −1 to 1.
+    /// Mean PSNR over the test photos, dB.
     pub psnr: f64,
-    /// See `psnr`.
+    /// Mean SSIM over the test photos, −1 to 1.
     pub ssim: f64,
-    /// Of the run; curves take the spread over it.
+    /// Seed of the run; curves show the spread over seeds.
     pub seed: u64,
-    /// Which photos those are: `every`, `sector` or another word of the user's.
+    /// Selection of the test photos: `every`, `sector` or the user's own name.
     pub holdout: String,
-    /// PSNR of the base that the run began with, where that is known.
+    /// PSNR of the base that the run started from, if known, dB.
     pub base_psnr: Option<f64>,
 }
 
-/// Reads JSON lines, a [`Record`] each; other fields are passed over, and so are empty lines.
+/// Reads JSON lines, one [`Record`] each. Other fields and empty lines are skipped.
 ///
 /// # Errors
-/// Of the file; [`Error::Input`] with line and field where one is missing or not what it should be.
+/// Errors of reading the file; [`Error::Input`] with line and field if a field is missing or invalid.
 pub fn read_history(path: impl AsRef<Path>) -> Result<Vec<Record>> {
     let path = path.as_ref();
     let text = fs::read(path).map_err(|source| Error::io(path, source))?;
@@ -59,7 +59,7 @@ pub fn read_history(path: impl AsRef<Path>) -> Result<Vec<Record>> {
         .map(|(i, line)| {
             let fail = |what: String| Error::input(path, format!("line {}: {what}", i + 1));
             let record: Record =
-                serde_json::from_str(line).map_err(|error| fail(format!("is no record, expected JSON: {error}")))?;
+                serde_json::from_str(line).map_err(|error| fail(format!("is not a record, expected JSON: {error}")))?;
             if record.seconds < 0.0 {
                 return Err(fail(format!("`seconds` is {}, expected 0 or more", record.seconds)));
             }
@@ -71,28 +71,28 @@ pub fn read_history(path: impl AsRef<Path>) -> Result<Vec<Record>> {
         .collect()
 }
 
-/// What a curve goes over.
+/// Horizontal axis of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cost {
-    /// Since the run began, on the wall.
+    /// Wall time since the start of the run.
     Seconds,
-    /// Of the scene's file.
+    /// Size of the scene's file.
     Bytes,
-    /// With lobes and without.
+    /// Number of Gaussians, with and without lobes.
     Gaussians,
 }
 
-/// What a curve shows.
+/// Vertical axis of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gain {
-    /// dB.
+    /// PSNR, dB.
     Psnr,
-    /// −1 to 1.
+    /// SSIM, −1 to 1.
     Ssim,
 }
 
 impl Cost {
-    /// In the page's order.
+    /// All costs, in the page's order.
     pub const ALL: [Cost; 3] = [Cost::Seconds, Cost::Bytes, Cost::Gaussians];
 
     fn of(self, record: &Record) -> f64 {
@@ -103,7 +103,7 @@ impl Cost {
         }
     }
 
-    /// With its unit.
+    /// Title of the axis, with its unit.
     pub fn title(self) -> &'static str {
         match self {
             Cost::Seconds => "seconds",
@@ -114,7 +114,7 @@ impl Cost {
 }
 
 impl Gain {
-    /// In the page's order.
+    /// All gains, in the page's order.
     pub const ALL: [Gain; 2] = [Gain::Psnr, Gain::Ssim];
 
     fn of(self, record: &Record) -> f64 {
@@ -124,7 +124,7 @@ impl Gain {
         }
     }
 
-    /// With its unit.
+    /// Title of the axis, with its unit.
     pub fn title(self) -> &'static str {
         match self {
             Gain::Psnr => "test PSNR [dB]",
@@ -133,28 +133,28 @@ impl Gain {
     }
 }
 
-/// The runs of one name.
+/// Runs of one name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve<'a> {
-    /// What the legend says.
+    /// Name in the legend.
     pub name: &'a str,
-    /// By seed, from the least: its measurements in the order of their seconds.
+    /// Measurements by seed, ascending; those of a seed are in the order of their seconds.
     pub seeds: Vec<Vec<&'a Record>>,
 }
 
-/// Mean, least and largest over seeds.
+/// Mean, minimum and maximum over seeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
-    /// Over the seeds.
+    /// Mean over the seeds.
     pub mean: f64,
-    /// Of any seed.
+    /// Minimum over the seeds.
     pub least: f64,
-    /// Of any seed.
+    /// Maximum over the seeds.
     pub largest: f64,
 }
 
 impl Range {
-    /// `None` of none.
+    /// Range of `values`; `None` if there are none.
     fn of(values: impl Iterator<Item = f64> + Clone) -> Option<Range> {
         let n = values.clone().count();
         (n > 0).then(|| Range {
@@ -165,7 +165,7 @@ impl Range {
     }
 }
 
-/// The hold-outs of `records`, in the order of their first.
+/// Hold-outs of `records`, in the order of their first records.
 pub fn holdouts(records: &[Record]) -> Vec<&str> {
     let mut found: Vec<&str> = Vec::new();
     for record in records {
@@ -176,7 +176,7 @@ pub fn holdouts(records: &[Record]) -> Vec<&str> {
     found
 }
 
-/// The curves of one hold-out, in the order of their first records.
+/// Curves of one hold-out, in the order of their first records.
 pub fn curves<'a>(records: &'a [Record], holdout: &str) -> Vec<Curve<'a>> {
     let mut names: Vec<&str> = Vec::new();
     let chosen: Vec<&Record> = records.iter().filter(|record| record.holdout == holdout).collect();
@@ -194,36 +194,37 @@ pub fn curves<'a>(records: &'a [Record], holdout: &str) -> Vec<Curve<'a>> {
 }
 
 impl Curve<'_> {
-    /// Cost and gain of the k-th measurements of all seeds, for as many as every seed has.
+    /// Cost and gain of the k-th measurements of all seeds, for each k that every seed has.
     pub fn means(&self, cost: Cost, gain: Gain) -> Vec<(Range, Range)> {
         let shared = self.seeds.iter().map(Vec::len).min().unwrap_or(0);
         let at = |k: usize, of: &dyn Fn(&Record) -> f64| Range::of(self.seeds.iter().map(|seed| of(seed[k])));
         (0..shared).filter_map(|k| at(k, &|r| cost.of(r)).zip(at(k, &|r| gain.of(r)))).collect()
     }
 
-    /// What `of` is at the end of each seed's run; seeds of which it is not known are left out.
+    /// Range of `of` at the end of each seed's run, without seeds for which it is unknown.
     pub fn last(&self, of: impl Fn(&Record) -> Option<f64>) -> Option<Range> {
         let all: Vec<f64> = self.seeds.iter().filter_map(|seed| seed.last()).filter_map(|record| of(record)).collect();
         Range::of(all.iter().copied())
     }
 
-    /// Whether it goes from one cost to another, so that there is a line to draw.
+    /// Whether the curve covers more than one cost, so that there is a line to draw.
     pub fn goes_over(&self, cost: Cost) -> bool {
         let means = self.means(cost, Gain::Psnr);
         means.iter().any(|(x, _)| x.mean != means[0].0.mean)
     }
 }
 
-/// The colour of the k-th curve, as CSS has it.
+/// CSS color of the k-th curve.
 pub fn css_color(k: usize) -> String {
     let RGBColor(r, g, b) = COLORS[k % COLORS.len()];
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// An SVG without any text of the user's: for each curve its seeds (pale), their mean and, as bars, their least and largest gain.
+/// Draws an SVG without any text from the user: for each curve its seeds (pale), their mean, and bars from
+/// the minimum to the maximum gain.
 ///
 /// # Errors
-/// [`Error::Usage`] where there is nothing to draw.
+/// [`Error::Usage`] if there is nothing to draw.
 pub fn plot(curves: &[Curve<'_>], cost: Cost, gain: Gain) -> Result<String> {
     let all = || curves.iter().flat_map(|curve| curve.seeds.iter().flatten());
     let xs = Range::of(all().map(|record| cost.of(record)));
@@ -240,12 +241,12 @@ pub fn plot(curves: &[Curve<'_>], cost: Cost, gain: Gain) -> Result<String> {
         draw(curves, cost, gain, xs.least - dx..xs.largest + dx, y)
     };
     let svg = drawn.map_err(|error| Error::Usage(format!("the curves could not be drawn: {error}")))?;
-    // Within a page it needs no name space, and the page names no address.
+    // Within an HTML page it needs no name space, and the page should contain no address.
     Ok(svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1))
 }
 
-/// A logarithmic axis with ticks at 1, 2 and 5 times powers of ten, or at 1 alone where these are too many: plotters' own has powers of ten
-/// only, of which a range may hold one.
+/// Logarithmic axis with ticks at 1, 2 and 5 times powers of ten, or at fewer multiples if those are too
+/// many. The axis of plotters has ticks at powers of ten only, and a range may contain just one.
 struct Decades(std::ops::Range<f64>);
 
 impl Decades {
@@ -340,7 +341,7 @@ where
     Ok(svg)
 }
 
-/// Three digits at least, and no zeros behind the point.
+/// Formats with at least three digits, without trailing zeros.
 fn round(v: f64) -> String {
     let text = format!("{:.*}", if v < 10.0 { 2 } else { 1 }, v);
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -418,7 +419,7 @@ mod tests {
         );
         assert_eq!(curves[0].last(|r| Some(r.psnr)), Some(range(35.5, 31.0, 40.0)));
         assert_eq!(curves[0].last(|r| r.base_psnr), None);
-        // One measurement is no line, nor are several at one cost.
+        // A single measurement makes no line, nor do several at one cost.
         let lines = |k: usize| Cost::ALL.map(|cost| curves[k].goes_over(cost));
         assert_eq!([lines(0), lines(1)], [[true, false, false], [false; 3]]);
         assert!(super::curves(&records, "sector").is_empty());
@@ -427,7 +428,7 @@ mod tests {
 
     #[test]
     fn curves_are_drawn_over_every_cost_and_say_nothing_of_strangers() {
-        // One point, equal points and a wide range are drawn as well.
+        // A single point, equal points and a wide range can be drawn.
         for records in [
             vec![record("<b>", 0, 0.0, 20.0)],
             vec![record("<b>", 0, 1.0, 20.0), record("<b>", 1, 1.0, 20.0)],

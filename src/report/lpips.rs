@@ -1,8 +1,9 @@
-//! LPIPS (Zhang et al. 2018, version 0.1): how far apart two images are in the features of a network for images. The weights are a
-//! file's: glint has none of its own.
+//! LPIPS (Zhang et al. 2018, version 0.1): distance of two images in the features of a neural network.
+//! glint contains no weights; they are read from a file.
 //!
-//! Tensors have the names and shapes that the published package `lpips` gives them in its `state_dict`: `net.slice1.0.weight`
-//! `[out, in, height, width]`, its `bias` `[out]` and so on, and `lin0.model.1.weight` `[1, out, 1, 1]`. In Python:
+//! Tensors have the names and shapes of the `state_dict` of the published package `lpips`:
+//! `net.slice1.0.weight` `[out, in, height, width]`, its `bias` `[out]` and so on, and
+//! `lin0.model.1.weight` `[1, out, 1, 1]`. In Python:
 //!
 //! ```text
 //! state = lpips.LPIPS(net="vgg").state_dict()
@@ -22,14 +23,14 @@ use crate::{
     pipelines::render::Rendered,
 };
 
-/// What a network does, in order.
+/// Step of a network.
 #[derive(Debug, Clone, Copy)]
 enum Step {
-    /// A convolution with a bias, and what is below 0 becomes 0.
+    /// Convolution with a bias, followed by ReLU.
     Convolve { name: &'static str, side: usize, stride: usize, padding: usize },
-    /// The largest of each square.
+    /// Maximum over each square.
     Pool { side: usize, stride: usize },
-    /// Features are compared here.
+    /// Comparison of features.
     Compare,
 }
 
@@ -37,7 +38,7 @@ const fn convolve(name: &'static str, side: usize, stride: usize, padding: usize
     Step::Convolve { name, side, stride, padding }
 }
 
-/// Krizhevsky's one-column network (2014).
+/// AlexNet with one column (Krizhevsky 2014).
 const ALEX: &[Step] = &[
     convolve("slice1.0", 11, 4, 2),
     Step::Compare,
@@ -53,7 +54,7 @@ const ALEX: &[Step] = &[
     Step::Compare,
 ];
 
-/// Simonyan's and Zisserman's of 16 layers (2014).
+/// VGG with 16 layers (Simonyan and Zisserman 2014).
 const VGG: &[Step] = &[
     convolve("slice1.0", 3, 1, 1),
     convolve("slice1.2", 3, 1, 1),
@@ -79,48 +80,48 @@ const VGG: &[Step] = &[
     Step::Compare,
 ];
 
-/// A tensor that one of the networks has and the other has not.
+/// Networks, each with the name of a tensor that only it has.
 const FORMS: [(&str, &[Step]); 2] = [("net.slice2.3.weight", ALEX), ("net.slice2.5.weight", VGG)];
 
-/// What takes values of -1 to 1 to mean 0 and variance 1 over photographs, by channel.
+/// Mean and standard deviation of photos with values from -1 to 1, by channel.
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
-/// Keeps features that are all 0 from a division by 0.
+/// Avoids a division by 0 if all features are 0.
 const EPSILON: f32 = 1e-10;
-/// Pixels whose neighbourhoods are laid out side by side at once: with 512 channels of 3 × 3 that is 9 MB.
+/// Pixels whose neighborhoods are gathered at once: 9 MB for 512 channels of 3 × 3.
 const BAND: usize = 512;
 
-/// Distances of one photograph's renders.
+/// Distances of the renders of one photo.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ViewDistance {
-    /// The photo's name in the dataset.
+    /// Name of the photo in the dataset.
     pub name: String,
-    /// Of the base Gaussians alone, as stored in the scene.
+    /// Distance of the base Gaussians alone, as stored in the scene.
     pub base: f64,
-    /// Of the whole scene; the same as `base` where there is no supplement.
+    /// Distance of the whole scene; equals `base` if there is no supplement.
     pub augmented: f64,
 }
 
-/// Means over views, and the views.
+/// Distances of all views and their means.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Distances {
-    /// Of the base Gaussians alone.
+    /// Mean distance of the base Gaussians alone.
     pub base: f64,
-    /// Of the whole scene.
+    /// Mean distance of the whole scene.
     pub augmented: f64,
-    /// In the order of the photos.
+    /// Views in the order of the photos.
     pub views: Vec<ViewDistance>,
 }
 
 impl Distances {
-    /// Of these views; NaN of none.
+    /// Distances of these views; the means are NaN if there are none.
     pub fn of(views: Vec<ViewDistance>) -> Self {
         let mean = |of: fn(&ViewDistance) -> f64| views.iter().map(of).sum::<f64>() / views.len() as f64;
         Distances { base: mean(|view| view.base), augmented: mean(|view| view.augmented), views }
     }
 }
 
-/// One network with its weights.
+/// Network with its weights.
 pub struct Lpips {
     layers: Vec<Layer>,
 }
@@ -137,11 +138,11 @@ enum Layer {
         side: usize,
         stride: usize,
     },
-    /// A weight by channel.
+    /// Weight of each channel.
     Compare(Vec<f32>),
 }
 
-/// `[channels, height · width]`.
+/// Features of an image, `[channels, height · width]`.
 struct Features {
     values: Array2<f32>,
     width: usize,
@@ -149,7 +150,7 @@ struct Features {
 }
 
 impl Lpips {
-    /// Reads the weights of AlexNet's or VGG's form; which one it is, the names tell.
+    /// Reads the weights of AlexNet or VGG; the names of the tensors decide between them.
     ///
     /// # Errors
     /// Names the file, and the tensor that is missing or has another shape.
@@ -189,10 +190,10 @@ impl Lpips {
         Ok(Lpips { layers })
     }
 
-    /// The distances of both renders of a view.
+    /// Distances of both renders of a view.
     ///
     /// # Errors
-    /// As [`Lpips::distance`], and names the photo.
+    /// Those of [`Lpips::distance`], with the name of the photo.
     pub fn of_view(&self, view: &Compared<'_>) -> Result<ViewDistance> {
         let name = &view.photo.name;
         let distance = |rendered: &Rendered| {
@@ -205,11 +206,12 @@ impl Lpips {
         Ok(ViewDistance { name: name.clone(), base, augmented })
     }
 
-    /// The distance of a render from its photograph: 0 for equal images, and with the published weights seldom more than 1. Renders
-    /// are clamped to 0 to 1; where a mask leaves pixels out, the render looks like the photograph.
+    /// Distance of a render from its photo: 0 for equal images, and with the published weights seldom more
+    /// than 1. Renders are clamped to between 0 and 1; masked pixels of the render are taken from the
+    /// photo.
     ///
     /// # Errors
-    /// [`Error::Usage`] where images are smaller than the network's first windows, or what [`Pair`] may not be.
+    /// [`Error::Usage`] if images are smaller than the network's windows, or if the [`Pair`] is invalid.
     pub fn distance(&self, pair: &Pair) -> Result<f64> {
         pair.check()?;
         let mut both = [false, true].map(|truth| Features::of(pair, truth));
@@ -228,7 +230,7 @@ impl Lpips {
             }
             let [Some(image), Some(truth)] = [next(&both[0]), next(&both[1])] else {
                 return Err(Error::Usage(format!(
-                    "images of {} × {} pixels are too small for LPIPS, whose network has nothing left to compare",
+                    "images of {} × {} pixels are too small for LPIPS: the windows of its network do not fit",
                     pair.width, pair.height
                 )));
             };
@@ -238,7 +240,7 @@ impl Lpips {
     }
 }
 
-/// Removes a tensor of floats: its shape and values.
+/// Removes a tensor of floats and returns its shape and values.
 fn take(tensors: &mut BTreeMap<String, Tensor>, name: &str) -> Result<(Vec<usize>, Vec<f32>), String> {
     let tensor = tensors.remove(name).ok_or_else(|| format!("has no tensor `{name}`"))?;
     let Values::F32(values) = tensor.values else { return Err(format!("`{name}` is not of 32-bit floats")) };
@@ -255,7 +257,7 @@ fn take_channels(tensors: &mut BTreeMap<String, Tensor>, name: &str, wanted: &[u
     }
 }
 
-/// Squared differences of features of length 1 by pixel, weighted by channel; the mean over pixels.
+/// Squared differences of features normalized at each pixel, weighted by channel; mean over pixels.
 fn distance(a: &Features, b: &Features, weights: &[f32]) -> f64 {
     let pixels = a.values.ncols();
     let length = |features: &Features| -> Vec<f32> {
@@ -274,7 +276,7 @@ fn distance(a: &Features, b: &Features, weights: &[f32]) -> f64 {
     sum / pixels as f64
 }
 
-/// How many windows of `side` fit into `length` with so much zero on both sides.
+/// Number of windows of `side` that fit into `length` with `padding` zeros at both ends.
 fn windows(length: usize, side: usize, stride: usize, padding: usize) -> Option<usize> {
     Some((length + 2 * padding).checked_sub(side)? / stride + 1)
 }
@@ -291,7 +293,7 @@ impl Features {
         Features { values: Array2::from_shape_fn((3, width * height), |(c, i)| value(c, i)), width, height }
     }
 
-    /// `weights` are `[out, in · side · side]`. `None` where no window fits.
+    /// Convolves with `weights` `[out, in · side · side]`. `None` if no window fits.
     fn convolved(
         &self,
         weights: ArrayView2<f32>,
@@ -315,7 +317,7 @@ impl Features {
                     let plane = &source[channel * self.width * self.height..][..self.width * self.height];
                     for (i, to) in column.iter_mut().enumerate() {
                         let (x, y) = ((first + i) % width * stride + dx, (first + i) / width * stride + dy);
-                        // Padding is below 0 here, and wraps to what is too large.
+                        // Coordinates in the padding are negative and wrap to large values.
                         let (x, y) = (x.wrapping_sub(padding), y.wrapping_sub(padding));
                         if x < self.width && y < self.height {
                             *to = plane[y * self.width + x];
@@ -336,7 +338,7 @@ impl Features {
         Some(Features { values, width, height })
     }
 
-    /// `None` where no window fits.
+    /// Takes the maximum of each window. `None` if no window fits.
     fn pooled(&self, side: usize, stride: usize) -> Option<Self> {
         let width = windows(self.width, side, stride, 0)?;
         let height = windows(self.height, side, stride, 0)?;
@@ -360,7 +362,7 @@ mod tests {
 
     type Named = Vec<(String, Vec<usize>, Vec<f32>)>;
 
-    /// Random weights for a network of few channels, of about the size that keeps features what they are in the mean.
+    /// Random weights for a network of few channels, scaled so that features keep their mean size.
     fn weights(form: &[Step], seed: u64) -> Named {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut values =
@@ -396,7 +398,7 @@ mod tests {
         path
     }
 
-    /// A feature of one channel, `[height][width]`, in f64.
+    /// Feature of one channel, `[height][width]`, in f64.
     type Plane = Vec<Vec<f64>>;
 
     /// The definition, window by window.
@@ -486,7 +488,8 @@ mod tests {
             for mask in [None, Some(&mask[..])] {
                 let pair = Pair { image: &image, reference: &reference, width, height, mask };
                 let (got, want) = (lpips.distance(&pair).unwrap(), by_definition(form, &tensors, &pair));
-                // Thirteen layers of sums of hundreds of f32 terms: about the root of the terms times 6e-8 each.
+                // Thirteen layers of sums of hundreds of f32 terms: about the root of the number of terms
+                // times 6e-8 each.
                 assert!(want > 1e-3 && (got - want).abs() < 1e-5 * want, "{got} for {want}");
             }
             let same: Vec<f32> = reference.iter().map(|&byte| f32::from(byte) / 255.0).collect();

@@ -1,47 +1,50 @@
-//! PSNR and SSIM in f64 of unquantised renders against 8-bit photographs.
+//! PSNR and SSIM in f64, of renders before quantization against 8-bit photos.
 //!
-//! Images are sRGB values, interleaved `[height · width · 3]`, rows from the top. Renders are clamped to [0, 1] here;
-//! photographs are bytes, value / 255. Pixels that a mask leaves out are in no mean; to windows that reach over them the render
-//! looks like the photograph there, as it does to the loss.
+//! Images hold sRGB values, interleaved `[height · width · 3]`, rows from the top. Renders are clamped to
+//! [0, 1] here; photos are bytes, value / 255. Masked pixels count in no mean. In SSIM windows that reach
+//! over them, the render equals the photo there, as in the loss.
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{Error, Result};
 
-/// Window of SSIM (Wang et al. 2004), as 3DGS has it: 11 × 11, Gaussian of σ = 1.5 pixels, zeros beyond the border.
+/// Window of SSIM (Wang et al. 2004), as in 3DGS: 11 × 11, Gaussian of σ = 1.5 pixels, zeros beyond the
+/// border.
 const WINDOW: usize = 11;
 const SIGMA: f64 = 1.5;
 /// (K₁ · range)² and (K₂ · range)² with K₁ = 0.01, K₂ = 0.03 and values in [0, 1].
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// A render and the photograph it is compared with.
+/// Render and the photo to compare it with.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair<'a> {
-    /// RGB interleaved, sRGB values; those beyond 0 to 1 are clamped.
+    /// Render: sRGB values, RGB interleaved; clamped to between 0 and 1.
     pub image: &'a [f32],
-    /// The same of 8 bits.
+    /// Photo: 8-bit sRGB values, RGB interleaved.
     pub reference: &'a [u8],
-    /// Pixels.
+    /// Width, pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height, pixels.
     pub height: u32,
-    /// By pixel, `false` where it does not count; all do where there is no mask.
+    /// Whether each pixel counts; all do if there is no mask.
     pub mask: Option<&'a [bool]>,
 }
 
-/// How near a render is to its photograph.
+/// Quality of a render against its photo.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Quality {
-    /// Peak signal-to-noise ratio, dB; infinite for identical images (`null` in JSON, which has no infinity).
+    /// Peak signal-to-noise ratio, dB; infinite for identical images (`null` in JSON, which has no
+    /// infinity).
     pub psnr: f64,
     /// Structural similarity, in [−1, 1]; 1 for identical images. Mean over pixels and channels.
     pub ssim: f64,
 }
 
 impl Quality {
-    /// Mean over views, of the decibels too, as the literature's tables have it; infinite if any view is. `None` of none.
+    /// Mean over views, also of the decibels, as is usual in the literature; infinite if any view is,
+    /// `None` without views.
     pub fn mean(views: &[Quality]) -> Option<Quality> {
         let n = views.len() as f64;
         (!views.is_empty()).then(|| Quality {
@@ -51,12 +54,13 @@ impl Quality {
     }
 }
 
-/// Both metrics of every pair, in order; pairs are spread over the cores.
+/// Both metrics of every pair, in order. Pairs are spread over the cores.
 pub fn qualities(pairs: &[Pair]) -> Result<Vec<Quality>> {
     pairs.par_iter().map(|p| Ok(Quality { psnr: psnr(p)?, ssim: ssim(p)? })).collect()
 }
 
-/// Peak signal-to-noise ratio in dB, 10 log₁₀(1 / mean squared error over pixels and channels); infinite if they are equal.
+/// Peak signal-to-noise ratio in dB, 10 log₁₀(1 / mean squared error over pixels and channels); infinite
+/// for equal images.
 pub fn psnr(pair: &Pair) -> Result<f64> {
     let counted = pair.check()?;
     let square = |i: usize| (value(pair.image[i]) - pair.reference[i] as f64 / 255.0).powi(2);
@@ -92,7 +96,7 @@ fn similarity(mx: f64, my: f64, xx: f64, yy: f64, xy: f64) -> f64 {
     (2.0 * mx * my + C1) * (2.0 * cov + C2) / ((mx * mx + my * my + C1) * (vx + vy + C2))
 }
 
-/// The window along one axis; the window is the outer product of two.
+/// Window along one axis; the full window is the outer product of two.
 fn weights() -> [f64; WINDOW] {
     let centre = (WINDOW / 2) as f64;
     let raw: [f64; WINDOW] = std::array::from_fn(|i| (-(i as f64 - centre).powi(2) / (2.0 * SIGMA * SIGMA)).exp());
@@ -100,7 +104,7 @@ fn weights() -> [f64; WINDOW] {
     raw.map(|w| w / sum)
 }
 
-/// `[height · width]` blurred along x, then along y.
+/// Blurs `[height · width]` along x, then along y.
 fn blur(image: &[f64], width: usize, height: usize, weights: &[f64; WINDOW]) -> Vec<f64> {
     const HALF: usize = WINDOW / 2;
     let mut rows = vec![0.0; image.len()];
@@ -132,8 +136,8 @@ impl Pair<'_> {
         self.mask.is_none_or(|mask| mask[pixel])
     }
 
-    /// The number of pixels that count. A metric of nothing, of images of different sizes or of NaN would be a number without
-    /// meaning.
+    /// Number of pixels that count. Fails for empty images, different sizes and NaN, since a metric of
+    /// these has no meaning.
     pub(super) fn check(&self) -> Result<usize> {
         let expected = (self.width as u64 * self.height as u64).saturating_mul(3);
         let (image, reference) = (self.image.len() as u64, self.reference.len() as u64);
@@ -154,7 +158,7 @@ impl Pair<'_> {
         }
         if let Some(i) = self.image.iter().position(|v| v.is_nan()) {
             let (x, y) = (i / 3 % self.width as usize, i / 3 / self.width as usize);
-            return Err(Error::Usage(format!("the image to compare is not a number at pixel ({x}, {y})")));
+            return Err(Error::Usage(format!("the image to compare is NaN at pixel ({x}, {y})")));
         }
         Ok(counted)
     }
@@ -243,7 +247,7 @@ mod tests {
             Pair { image: &image, reference: &reference, width: width as u32, height: height as u32, mask: None };
         // Error 0.3 everywhere: −20 log₁₀ 0.3.
         assert!((psnr(&pair).unwrap() - 10.457574905606752).abs() < 1e-9);
-        // With s the window's mass inside the image, means are s·a and s·b, second moments s·a² and so on.
+        // If s is the window's mass inside the image, means are s·a and s·b, second moments s·a² and so on.
         let w = weights();
         let mass = |x: usize, n: usize| (0..n).filter(|k| k.abs_diff(x) <= 5).map(|k| w[k + 5 - x]).sum::<f64>();
         let mut sum = 0.0;
@@ -296,15 +300,15 @@ mod tests {
         let all = vec![true; n];
         assert_eq!(of(&image, Some(&all)), of(&image, None));
         let masked = of(&image, Some(&mask));
-        // What is rendered at such a pixel is of no account: neither for itself nor for the windows around it.
+        // The render at a masked pixel does not matter, neither for that pixel nor for windows around it.
         (0..3 * n).filter(|i| !mask[i / 3]).for_each(|i| image[i] = 1.0 - image[i]);
         assert_eq!(of(&image, Some(&mask)), masked);
-        // By definition: the sums over the others of the picture that equals the photograph where it does not count.
+        // By definition: sums over the other pixels, in a render that equals the photo at masked pixels.
         (0..3 * n).filter(|i| !mask[i / 3]).for_each(|i| image[i] = f32::from(reference[i]) / 255.0);
         let counted = mask.iter().filter(|&&counts| counts).count() as f64;
         let error = 10f64.powf(-of(&image, None).0 / 10.0) * n as f64 / counted;
         assert!((masked.0 + 10.0 * error.log10()).abs() < 1e-6);
-        // One pixel far from the others: its SSIM is its own.
+        // One pixel far from the others keeps its own SSIM.
         let single: Vec<bool> = (0..n).map(|i| i == 0).collect();
         let alone = of(&image, Some(&single));
         assert!(alone.1 < 1.0 && alone.0.is_finite());

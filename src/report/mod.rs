@@ -1,4 +1,4 @@
-//! Metrics, tables and pictures for people.
+//! Metrics, tables, pictures and HTML pages.
 
 pub mod decompose;
 pub mod evaluate;

@@ -1,4 +1,4 @@
-//! Several scenes of one dataset on one HTML page that needs nothing beside it.
+//! HTML page of `glint report`: compares scenes of one dataset in a single self-contained file.
 
 use std::fmt::Write;
 
@@ -12,61 +12,62 @@ use super::runs::{self, Run};
 use super::spending;
 use crate::Result;
 
-/// Pictures of specular light are so many times as bright as it is: most of it is too dark to be seen.
+/// Brightness factor for pictures of specular light, most of which would be too dark to see.
 pub const SPECULAR_GAIN: f32 = 4.0;
 
-/// One of the scenes.
+/// Scene on the page.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Entry {
-    /// As the page shows it.
+    /// Name on the page.
     pub name: String,
-    /// Base and supplement.
+    /// Gaussians of base and supplement.
     pub gaussians: usize,
-    /// See `gaussians`.
+    /// Gaussians of the supplement.
     pub supplementary: usize,
-    /// Of its file.
+    /// Size of its file, bytes.
     pub bytes: u64,
-    /// Means over the views.
+    /// Mean quality over the views.
     #[serde(flatten)]
     pub mean: Quality,
-    /// The same of the parts of its light, where the true ones are known.
+    /// Mean quality of its light's parts, if the true ones are known.
     #[serde(rename = "decomposition", skip_serializing_if = "Option::is_none")]
     pub parts: Option<PartsQuality>,
-    /// In the order of the page's photos.
+    /// Views in the order of the page's photos.
     pub views: Vec<EntryView>,
 }
 
-/// One of the scenes in one view.
+/// View of a scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EntryView {
-    /// The photo's, without extension.
+    /// Name of the photo, without extension.
     pub name: String,
     /// PSNR and SSIM.
     #[serde(flatten)]
     pub quality: Quality,
-    /// Of the parts of its light, where the true ones are known.
+    /// Quality of its light's parts, if the true ones are known.
     #[serde(rename = "decomposition", skip_serializing_if = "Option::is_none")]
     pub parts: Option<PartsQuality>,
-    /// What each picture shows, and the picture as a `data:` address: `render`, `error`, and where light is shown in its parts `diffuse`
-    /// and `specular`, the latter with [`SPECULAR_GAIN`].
+    /// Pictures as `data:` addresses, each with its content: `render`, `error`, and if light is shown in
+    /// parts `diffuse` and `specular`, the latter brightened by [`SPECULAR_GAIN`].
     #[serde(skip)]
     pub pictures: Vec<(&'static str, String)>,
 }
 
-/// What is there of one view: pictures as `data:` addresses.
+/// Photo and true parts of a view, as `data:` addresses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
-    /// The photograph.
+    /// Photo.
     pub photo: String,
-    /// Its diffuse and its specular light where these are known, the latter with [`SPECULAR_GAIN`].
+    /// True diffuse and specular light, if known; the latter brightened by [`SPECULAR_GAIN`].
     pub parts: Option<[String; 2]>,
 }
 
-/// The page. `title` says what was compared with what; every entry has the views of `truths`, in their order. The first entry is what
-/// gains are over. Without `history` there are no curves; `told` is what runs said of themselves.
+/// Writes the page. `title` names scenes and dataset. Every entry has the views of `truths`, in their
+/// order. Gains are over the first entry. Curves are drawn from `history`; `told` holds the reports of
+/// runs.
 ///
 /// # Errors
-/// Where curves cannot be drawn.
+/// If curves cannot be drawn.
 pub fn page(title: &str, truths: &[Truth], entries: &[Entry], history: &[Record], told: &[Run]) -> Result<String> {
     let title = escape(title);
     let mut pictures = entries.iter().flat_map(|entry| &entry.views).flat_map(|view| &view.pictures);
@@ -103,13 +104,13 @@ pub fn page(title: &str, truths: &[Truth], entries: &[Entry], history: &[Record]
     ))
 }
 
-const EXPLAINED: &str = "PSNR and SSIM are of unquantised renders, clamped to 0 to 1, against the photographs; grey pixels are left \
-    out by a mask. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale).";
+const EXPLAINED: &str = "PSNR and SSIM compare renders, not quantized and clamped to between 0 and 1, with the \
+    photos; a mask leaves out gray pixels. Errors are means over the channels, from 0 (dark) to 0.25 and more (pale).";
 
-const PARTS_EXPLAINED: &str = "Diffuse is what the base's constant colours give, specular the rest of the light; where the true parts are \
-    known, PSNR of both in linear light stands with them.";
+const PARTS_EXPLAINED: &str = "Diffuse light comes from the base's constant colors; specular light is the rest. If the \
+    true parts are known, PSNR of both in linear light is given.";
 
-/// Tables that are wider than the window scroll by themselves, and their first column stays.
+/// Tables wider than the window have their own scroll bar, with a fixed first column.
 const STYLE: &str = "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222;background:#fff}h1{font-size:1.3rem}\
     h2{font-size:1.1rem;margin-top:2rem}h3{font-size:1rem}p{max-width:60rem;color:#555}table{border-collapse:collapse}\
     th,td{padding:.3rem .6rem;text-align:right;vertical-align:top;border-bottom:1px solid #e3e3e3;font-variant-numeric:tabular-nums}\
@@ -128,7 +129,7 @@ const STYLE: &str = "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#
     .views th{white-space:normal}\
     @media(max-width:700px){body{margin:1rem;font-size:13px}th,td{padding:.25rem .4rem}}";
 
-/// The two pictures that are chosen, in every view, and the border between them.
+/// Shows the two selected pictures in every view, with a movable border between them.
 const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice=[...document.querySelectorAll('.choice select')];\
     const show=()=>views.forEach(view=>{const shots=view.querySelectorAll('.shot');\
     ['left','right'].forEach((side,i)=>{const shot=shots[choice[i].value],image=view.querySelector('.'+side);\
@@ -138,7 +139,7 @@ const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice
     choice[1].value=choice[1].options.length-1;choice.forEach(select=>select.onchange=show);show();";
 
 fn table_of_scenes(entries: &[Entry]) -> String {
-    // Of one scene there is no other to gain over.
+    // A single scene has no other to gain over.
     let first = entries.first().filter(|_| entries.len() > 1);
     let judged = entries.iter().any(|entry| entry.parts.is_some());
     let mut table =
@@ -156,7 +157,7 @@ fn table_of_scenes(entries: &[Entry]) -> String {
         let _ = write!(table, "<tr><td>{name}</td><td>{gaussians}</td><td>{supplementary}</td><td>{bytes}</td>");
         let _ = write!(table, "<td>{}</td>", decibels(mean.psnr));
         if let Some(first) = first {
-            // Two that are infinite differ by nothing that could be said.
+            // The difference of two infinite values has no meaning.
             let gain = Some(mean.psnr - first.mean.psnr).filter(|gain| k > 0 && gain.is_finite());
             let _ = write!(table, "<td>{}</td>", gain.map_or_else(String::new, |gain| format!("{gain:+.2}")));
         }
@@ -188,7 +189,7 @@ fn table_of_views(entries: &[Entry]) -> String {
     scrolling("views", &(table + "</tr></tfoot>"))
 }
 
-/// Where curves of one hold-out end, and those plots of them in which some run goes from one cost to another.
+/// Table of the ends of a hold-out's curves, and plots over those costs that change within some run.
 fn work_precision(curves: &[Curve<'_>]) -> Result<String> {
     let over_base = |record: &Record| record.base_psnr.map(|base| record.psnr - base);
     let known = curves.iter().any(|curve| curve.last(over_base).is_some());
@@ -226,20 +227,20 @@ fn work_precision(curves: &[Curve<'_>]) -> Result<String> {
         Cost::ALL.into_iter().partition(|&cost| curves.iter().any(|curve| curve.goes_over(cost)));
     if !left.is_empty() {
         let left: Vec<&str> = left.into_iter().map(Cost::title).collect();
-        let _ = writeln!(out, "<p>No plot over {}: no run goes from one number to another.</p>", left.join(" or "));
+        let _ = writeln!(out, "<p>No plot over {}: no run has more than one value.</p>", left.join(" or "));
     }
     if drawn.is_empty() {
         return Ok(out);
     }
-    out += "<p>A curve goes through what was measured while a run went on, or through runs of several lengths. Pale lines are seeds, \
-            strong ones the means of their measurements by number, bars the least and the largest.</p>\n<div class=\"curves\">";
+    out += "<p>A curve connects measurements during a run, or runs of several lengths. Pale lines are seeds, \
+            strong lines the means of their k-th measurements, bars minimum and maximum.</p>\n<div class=\"curves\">";
     for (gain, &cost) in Gain::ALL.into_iter().flat_map(|gain| drawn.iter().map(move |cost| (gain, cost))) {
         out += &plot(curves, cost, gain)?;
     }
     Ok(out + "</div>\n")
 }
 
-/// Every view with its slider, and the numbers of all; `in_parts`: with columns for light in parts.
+/// Sliders of all views, and a table of their numbers. `in_parts` adds columns for the parts of light.
 fn views(truths: &[Truth], entries: &[Entry], in_parts: bool) -> String {
     let names = std::iter::once("photo".to_owned()).chain(entries.iter().map(|entry| escape(&entry.name)));
     let options: String = names.enumerate().map(|(i, name)| format!("<option value=\"{i}\">{name}</option>")).collect();
@@ -252,11 +253,11 @@ fn views(truths: &[Truth], entries: &[Entry], in_parts: bool) -> String {
     out + &table_of_views(entries)
 }
 
-/// The slider of one view, and a row for the photograph and for each scene; see [`views`].
+/// Slider of one view, with a row for the photo and one for each scene; see [`views`].
 fn view(i: usize, truth: &Truth, entries: &[Entry], in_parts: bool) -> String {
     let name = entries.first().map_or_else(String::new, |entry| escape(&entry.views[i].name));
     let image = |class: &str, what: &str, source: &str| {
-        // Enlarged, small pictures show their pixels.
+        // Small pictures show their pixels when enlarged.
         let small = if source.starts_with("data:image/png") { " small" } else { "" };
         format!("<img class=\"{class}{small}\" alt=\"{what} of {name}\" src=\"{source}\">")
     };
@@ -360,11 +361,11 @@ mod tests {
         assert_eq!([count("<b>"), count("<i>"), count("<u>")], [0; 3]);
         assert_eq!((count("<section"), count("type=\"range\""), count("<select>")), (2, 2, 2));
         assert_eq!(count("<option value=\"2\">more&lt;b&gt;</option>"), 2);
-        // Photograph and two scenes of two views; errors of both scenes, two parts of one.
+        // The photo and two scenes in two views; errors of both scenes, two parts of one.
         assert_eq!((count("class=\"shot"), count("class=\"part")), (6, 8));
-        // Photographs are large, all others small.
+        // Photos are large, all other pictures small.
         assert_eq!((count("data:image/jpeg"), count("data:image/png")), (2, 12));
-        // Of one hold-out, over seconds alone: nothing else goes from one number to another.
+        // One hold-out has plots over seconds only: no other cost changes within a run.
         assert_eq!((count("<svg"), count("hold-out every"), count("hold-out sector")), (2, 1, 1));
         assert_eq!(
             [count("No plot over bytes or Gaussians"), count("No plot over seconds or bytes or Gaussians")],
@@ -373,7 +374,7 @@ mod tests {
         assert!(html.contains("<td>23.50 (22.00 to 25.00)</td>") && html.contains("<td>7</td><td>2</td><td>1234</td>"));
         assert!(html.contains("<td>22.00</td><td>+0.50</td><td>0.7000</td>"), "what is gained over the base");
         assert!(html.contains("<td>mean</td><td>20.12</td><td>0.5000</td><td>Infinity</td><td>0.5000</td>"));
-        // Pictures come before what everything took.
+        // Pictures come before times and memory.
         let [scenes, work, views, took] = ["scenes", "work", "views", "took"].map(|id| {
             assert_eq!(count(&format!("href=\"#{id}\"")), 1, "{id}");
             html.find(&format!("<h2 id=\"{id}\">")).unwrap()
@@ -399,7 +400,7 @@ mod tests {
         let count = |part: &str| html.matches(part).count();
         assert_eq!([count("over base [dB]"), count("<td>-0.50</td>"), count("<td>+4.00</td>")], [1; 3], "{html}");
         assert_eq!(count("<td>32.50</td><td>Infinity</td></tr>"), 1, "{html}");
-        // True parts of two views; scores of three scenes there.
+        // True parts of two views, each with scores of three scenes.
         assert_eq!([count("true diffuse of"), count("true specular of"), count(">33.50 dB</span>")], [2; 3], "{html}");
         assert_eq!(count("specular × 4</th>"), 2);
         assert!(serde_json::to_string(&entries[1]).unwrap().contains("\"decomposition\":{\"diffuse\":32.5,"));

@@ -1,4 +1,4 @@
-//! Pictures of a view for people: photograph, render, error map; as pixels and as `data:` addresses.
+//! Pictures of a view: photo, render and error map, as pixels and as `data:` addresses.
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use image::{
@@ -13,18 +13,18 @@ use crate::{
     data::{Image, srgb::srgb_from_linear, to_byte},
 };
 
-/// Error at the bright end of the error maps' colours.
+/// Error at the bright end of the error maps' colors.
 const FULL_ERROR: f32 = 0.25;
-/// The longer side of a large picture on a page, pixels.
+/// Longer side of a large picture on a page, pixels.
 const SHOWN: u32 = 400;
 /// JPEG quality of large pictures, of 100.
 const SHOWN_QUALITY: u8 = 85;
-/// Pictures up to this many pixels a side are shown as they are.
+/// Maximum side of pictures that are shown unchanged, pixels.
 const SMALL: u32 = 256;
-/// The grey of pixels that do not count.
+/// Gray of pixels that do not count.
 const LEFT_OUT: u8 = 128;
 
-/// Photograph, render and error map. Where a mask leaves pixels out, photograph and error map are grey.
+/// Photo, render and error map. Masked pixels of the photo and the error map are gray.
 pub fn pictures(view: &Compared<'_>) -> [RgbImage; 3] {
     let Image { width, height, rgb, mask } = view.truth;
     let left_out = |i: usize| mask.as_ref().is_some_and(|mask| !mask[i]);
@@ -39,8 +39,8 @@ pub fn pictures(view: &Compared<'_>) -> [RgbImage; 3] {
         .map(|bytes| RgbImage::from_vec(*width, *height, bytes).unwrap_or_default())
 }
 
-/// Absolute error (mean over the channels, clamped to [0, 1]) as a colour of [`color_of`], 0.25 and more at the bright end. RGB
-/// bytes per pixel.
+/// Absolute error (mean over the channels, clamped to [0, 1]) as a color of [`color_of`]; 0.25 and more is
+/// at the bright end. RGB bytes per pixel.
 pub fn error_map(image: &[f32], reference: &[u8]) -> Vec<u8> {
     let pixels = image.chunks_exact(3).zip(reference.chunks_exact(3));
     pixels
@@ -52,12 +52,12 @@ pub fn error_map(image: &[f32], reference: &[u8]) -> Vec<u8> {
         .collect()
 }
 
-/// A colour for t in [0, 1] (clamped): from near black through violet, red and orange to pale yellow, of evenly growing
-/// lightness in Oklab (Björn Ottosson, 2020), so that equal steps of the error look equal.
+/// Color for t in [0, 1] (clamped): from near black through violet, red and orange to pale yellow.
+/// Lightness grows evenly in Oklab (Björn Ottosson, 2020), so that equal steps of the error look equal.
 fn color_of(t: f32) -> [u8; 3] {
     let t = t.clamp(0.0, 1.0) as f64;
     let lightness = 0.12 + 0.83 * t;
-    // Violet (300°) to yellow (105°) the short way through red (30°).
+    // Violet (300°) to yellow (105°), the short way through red (30°).
     let hue = (300.0 + 165.0 * t).to_radians();
     let chroma = 0.15 * (std::f64::consts::PI * (0.12 + 0.76 * t)).sin();
     let (a, b) = (chroma * hue.cos(), chroma * hue.sin());
@@ -73,10 +73,11 @@ fn color_of(t: f32) -> [u8; 3] {
     linear.map(|v| (srgb_from_linear(v.max(0.0)) * 255.0).round() as u8)
 }
 
-/// A picture as a `data:` address for a page: PNG up to 256 pixels a side; larger ones are downscaled to 400, and JPEG.
+/// Picture as a `data:` address for a page: PNG up to 256 pixels a side. Larger ones are downscaled to 400
+/// pixels and encoded as JPEG.
 ///
 /// # Errors
-/// Of the encoders.
+/// Errors of the encoders.
 pub fn data_of(picture: &RgbImage) -> Result<String> {
     let (width, height) = picture.dimensions();
     let longer = width.max(height);
@@ -89,7 +90,7 @@ pub fn data_of(picture: &RgbImage) -> Result<String> {
     } else {
         ("png", picture.write_with_encoder(PngEncoder::new(&mut bytes)))
     };
-    encoded.map_err(|error| Error::Usage(format!("a picture of {width} × {height} cannot be shown: {error}")))?;
+    encoded.map_err(|error| Error::Usage(format!("a picture of {width} × {height} cannot be encoded: {error}")))?;
     Ok(format!("data:image/{kind};base64,{}", STANDARD.encode(bytes)))
 }
 
@@ -117,7 +118,7 @@ mod tests {
         let lightness = |t: f32| luminance(color_of(t)).cbrt();
         let steps: Vec<f64> = (0..32).map(|i| lightness((i + 1) as f32 / 32.0) - lightness(i as f32 / 32.0)).collect();
         let mean = steps.iter().sum::<f64>() / 32.0;
-        // Rounding to bytes and the cut at the gamut's border shift a step, never turn it.
+        // Rounding to bytes and clipping to the gamut change a step's size, but never its sign.
         assert!(steps.iter().all(|s| *s > 0.3 * mean && *s < 2.0 * mean), "{steps:?}");
         assert_eq!(color_of(f32::INFINITY), color_of(1.0));
     }
@@ -150,10 +151,10 @@ mod tests {
         let quality = ViewQuality { name: "a".into(), base: quality, augmented: quality };
         let view = Compared { photo: &photo, truth: &truth, base: &base, whole: &whole, quality: &quality };
         let [photo, render, error] = pictures(&view).map(RgbImage::into_raw);
-        // A quarter of what it was and three of grey.
+        // A quarter of the original color and three quarters of gray.
         assert_eq!(photo, [0, 100, 200, 98, 101, 103]);
         assert_eq!(render, [128, 255, 0, 128, 128, 128]);
-        // Errors of 0.5, 0.61 and 0.78 are more than a quarter in the mean.
+        // Errors of 0.5, 0.61 and 0.78 have a mean above a quarter.
         assert_eq!(error, [color_of(1.0), [128; 3]].concat());
     }
 
@@ -163,7 +164,7 @@ mod tests {
         let jpeg = data.strip_prefix("data:image/jpeg;base64,").unwrap();
         let small = image::load_from_memory(&STANDARD.decode(jpeg).unwrap()).unwrap().into_rgb8();
         assert_eq!(small.dimensions(), (400, 133));
-        // JPEG of one colour: within a step or two.
+        // JPEG of a single color: within a step or two.
         assert!(small.get_pixel(50, 50).0.iter().zip([200u8, 30, 10]).all(|(a, b)| a.abs_diff(b) < 4));
     }
 }

@@ -1,4 +1,5 @@
-//! What rendering a scene takes: what is compiled and stored, what is left out and why, and the memory. Known before anything is made.
+//! Plan for rendering a scene, computed before anything is allocated: features compiled and left out, with
+//! reasons, and memory.
 
 use std::fmt;
 
@@ -20,38 +21,38 @@ use crate::{
     },
 };
 
-/// A buffer of the plan.
+/// Buffer of the plan.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct PlannedBuffer {
-    /// Its debug name.
+    /// Debug name.
     pub name: &'static str,
-    /// How many elements it has.
+    /// Number of elements.
     pub elements: u64,
-    /// Bytes of each.
+    /// Bytes of an element.
     pub element_bytes: u64,
 }
 
-/// Something that rendering can do or store.
+/// Capability or data of rendering.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Feature {
-    /// What it is.
+    /// Name of the feature.
     pub name: &'static str,
     /// Whether it is compiled and stored.
     pub included: bool,
-    /// Why it is, or is not.
+    /// Reason why it is included or left out.
     pub why: String,
-    /// Device memory that it takes, or would take more (less, if negative).
+    /// Device memory that it takes or would add, bytes (negative: would save).
     pub bytes: i64,
 }
 
-/// What rendering a scene takes.
+/// Plan for rendering a scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RenderPlan {
-    /// The device's name; sizes of tiles follow from it.
+    /// Name of the device; it determines the size of tiles.
     pub device: String,
-    /// Pixels of a frame.
+    /// Width of a frame, pixels.
     pub width: u32,
-    /// See `width`.
+    /// Height of a frame, pixels.
     pub height: u32,
     /// Frames in flight.
     pub in_flight: u32,
@@ -59,27 +60,28 @@ pub struct RenderPlan {
     pub gaussians: u64,
     /// Bytes of a plain Gaussian in the model.
     pub plain_bytes: u64,
-    /// Bytes of one with a lobe.
+    /// Bytes of a Gaussian with a lobe in the model.
     pub lobed_bytes: u64,
-    /// What frames hold for each Gaussian: its splat, its place in the order, room for four intersections with tiles.
+    /// Bytes that frames hold for each Gaussian: its splat, its place in the order, four intersections with
+    /// tiles.
     pub work_bytes: f64,
-    /// What frames hold for each pixel.
+    /// Bytes that frames hold for each pixel.
     pub pixel_bytes: f64,
-    /// All that is held.
+    /// Bytes in all.
     pub bytes: u64,
-    /// What is in and what is out.
+    /// Features included and left out.
     pub features: Vec<Feature>,
-    /// The scene on the device.
+    /// Buffers of the scene.
     pub model: Vec<PlannedBuffer>,
-    /// What frames share.
+    /// Buffers shared by all frames.
     pub frames: Vec<PlannedBuffer>,
 }
 
 impl RenderPlan {
-    /// Of one view of `width` × `height` pixels. `half`: of half width.
+    /// Plan for one view of `width` × `height` pixels, of half width if `half`.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) where there can be no such view.
+    /// [`Error::Usage`](crate::Error::Usage) if such a view is impossible.
     pub fn of(device: &DeviceInfo, scene: &Scene, [width, height]: [u32; 2], half: bool) -> Result<RenderPlan> {
         let model_of = |half| Model::plan(device, scene, Room { half, ..Default::default() });
         let limits = Limits::for_needs(Needs::of_scene(scene, half), width, height);
@@ -99,7 +101,7 @@ impl RenderPlan {
         let [geometry, _, lobe] = room.bytes(Segment::Supplement, lobe_degree);
         let feature = |name, included, why: String, bytes: i64| Feature { name, included, why, bytes };
         let all = |bytes: u64| (bytes * gaussians) as i64;
-        // Of what is different for the two kinds.
+        // Bytes of both kinds of Gaussians, by the degree of each.
         let both =
             |of: &dyn Fn(u32) -> u64| (of(degree) * scene.base.len() as u64 + of(lobe_degree) * supplementary) as i64;
         let colors = color::of(degree);
@@ -135,10 +137,10 @@ impl RenderPlan {
         features.extend([
             match half {
                 true => {
-                    feature("half width", true, "colours are 16-bit floats, rotations and scales packed".into(), halved)
+                    feature("half width", true, "colors are 16-bit floats, rotations and scales packed".into(), halved)
                 }
                 false => {
-                    feature("half width", false, "all numbers are 32-bit floats; --half shows the other".into(), halved)
+                    feature("half width", false, "all numbers are 32-bit floats; --half changes that".into(), halved)
                 }
             },
             match supplementary {
@@ -153,7 +155,7 @@ impl RenderPlan {
             feature(
                 "background image",
                 false,
-                "one colour, or blended over the target".into(),
+                "one color, or blended over the target".into(),
                 16 * i64::from(width) * i64::from(height),
             ),
             feature("moments of what learns", false, "nothing learns while it is rendered".into(), {

@@ -1,4 +1,4 @@
-//! What a run was to do, how long it took and what it held, for a page.
+//! Times, memory and plan of runs, as a table for an HTML page.
 
 use std::fmt::Write;
 
@@ -7,17 +7,17 @@ use serde::{Deserialize, Serialize};
 use super::html::{escape, scrolling};
 use crate::pipelines::spend::Spending;
 
-/// Mean device time of a stage over steps all through a run.
+/// Mean device time of a stage over steps sampled throughout a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageMean {
-    /// Of the kernel, or what a copy or fill is called.
+    /// Name of the kernel, copy or fill.
     pub name: String,
-    /// On the device.
+    /// Device time per step.
     pub milliseconds_per_step: f64,
 }
 
 impl StageMean {
-    /// As [`crate::pipelines::steps::StepReport::milliseconds`] has them.
+    /// Converts the result of [`crate::pipelines::steps::StepReport::milliseconds`].
     pub fn all(milliseconds: &[(&'static str, f64)]) -> Vec<StageMean> {
         let mean =
             |&(name, milliseconds_per_step): &(&str, f64)| StageMean { name: name.into(), milliseconds_per_step };
@@ -25,32 +25,32 @@ impl StageMean {
     }
 }
 
-/// What the JSON of `glint enhance` calls each phase, in their order, and what a page does.
+/// Phases of an augmentation in order: the key in the JSON of `glint enhance`, and the name on a page.
 pub const PHASES: [(&str, &str); 6] = [
     ("base", "renders of the base"),
     ("weigh", "weighing"),
     ("place", "placing"),
-    ("screen", "2D phase"),
+    ("screen", "screen phase"),
     ("lift", "inverse splatting"),
     ("join", "joint phase"),
 ];
 
-/// What is told of a run.
+/// Report of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Run {
-    /// What was made.
+    /// Name of the scene that was made.
     pub name: String,
-    /// What was to be spent on which, where something was added.
+    /// Plan of an augmentation, if Gaussians were added.
     pub plan: Option<Spending>,
-    /// Seconds of each phase by the clock.
+    /// Wall time of each phase, seconds.
     pub phases: Vec<(String, f64)>,
-    /// Of a step in which Gaussians learn, in the order in which they first run; empty where the device has no timestamps.
+    /// Stages of a training step, in the order of their first run; empty if the device has no timestamps.
     pub stages: Vec<StageMean>,
-    /// The most that the device held; `None` where that is not known.
+    /// Peak device memory; `None` if unknown.
     pub device_megabytes: Option<f64>,
 }
 
-/// What all took, side by side, as a page shows it; the stages of a step are folded in. `None` without runs.
+/// Table of all runs side by side; the stages of a step are collapsed. `None` without runs.
 pub fn html(runs: &[Run]) -> Option<String> {
     if runs.is_empty() {
         return None;
@@ -66,7 +66,7 @@ pub fn html(runs: &[Run]) -> Option<String> {
         let seconds = |run: &Run| run.phases.iter().find(|(name, _)| name == phase).map(|(_, seconds)| *seconds);
         rows += &row(runs, &format!("{phase} [s]"), 1, seconds);
     }
-    rows += &row(runs, "held on the device at most [MB]", 1, |run| run.device_megabytes);
+    rows += &row(runs, "peak device memory [MB]", 1, |run| run.device_megabytes);
     let all = |run: &Run| run.stages.iter().map(|stage| stage.milliseconds_per_step).sum::<f64>();
     rows += &row(runs, "a step on the device [ms]", 3, |run| Some(all(run)).filter(|all| *all > 0.0));
     let names: String = runs.iter().map(|run| format!("<th>{}</th>", escape(&run.name))).collect();
@@ -74,7 +74,7 @@ pub fn html(runs: &[Run]) -> Option<String> {
         scrolling(class, &format!("<thead><tr><th></th>{names}</tr></thead>\n<tbody>{rows}</tbody>"))
     };
     let mut out = table("took", &rows);
-    // The stage that takes most in all of them comes first.
+    // Stages in descending order of their total time over all runs.
     let mut stages: Vec<(&str, f64)> = Vec::new();
     for stage in runs.iter().flat_map(|run| &run.stages) {
         match stages.iter_mut().find(|(name, _)| *name == stage.name) {
@@ -92,7 +92,7 @@ pub fn html(runs: &[Run]) -> Option<String> {
     Some(out)
 }
 
-/// A value of each run; nothing where none has one.
+/// Row with a value of each run; empty if no run has one.
 fn row(runs: &[Run], what: &str, decimals: usize, value: impl Fn(&Run) -> Option<f64>) -> String {
     let values: Vec<Option<f64>> = runs.iter().map(value).collect();
     if values.iter().all(Option::is_none) {
@@ -125,7 +125,7 @@ mod tests {
             "<th>more &amp; more</th><th>other</th>",
             "<td>a&lt;b [s]</td><td>3.2</td><td></td>",
             "<td>joint phase [s]</td><td></td><td>3.2</td>",
-            "<td>held on the device at most [MB]</td><td>12.3</td><td></td>",
+            "<td>peak device memory [MB]</td><td>12.3</td><td></td>",
             "<td>a step on the device [ms]</td><td>4.000</td><td>0.500</td>",
             "<details>",
             "<td>blend</td><td>3.000</td><td></td>",
@@ -134,7 +134,7 @@ mod tests {
         ];
         let found: Vec<_> = rows.iter().map(|row| page.find(row)).collect();
         assert!(found.iter().all(Option::is_some) && found.is_sorted(), "{found:?} in {page}");
-        // A device without timestamps, and nothing told.
+        // A device without timestamps, and no runs at all.
         let untimed = html(&[Run { stages: Vec::new(), ..runs[0].clone() }]).unwrap();
         assert!(!untimed.contains("a step") && !untimed.contains("details"), "{untimed}");
         assert_eq!(html(&[]), None);

@@ -1,4 +1,4 @@
-//! The plan of an augmentation, for people.
+//! Plan of an augmentation as text and HTML.
 
 use std::fmt::Write;
 
@@ -6,9 +6,12 @@ use super::{
     html::escape,
     table::{Cell, Column, Table},
 };
-use crate::pipelines::spend::{Spending, Spent};
+use crate::{
+    data::counted,
+    pipelines::spend::{Spending, Spent},
+};
 
-/// What each thing that can be spent on gains.
+/// Table of gains for each use of the budget.
 fn table(plan: &Spending) -> Table {
     let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
     let mut table = Table::new([
@@ -39,14 +42,14 @@ fn table(plan: &Spending) -> Table {
     }
     if let Some(gain) = plan.training_on_db {
         let per_second = plan.training_on_db_per_second.map_or(Cell::Absent, Cell::Number);
-        let name = format!("training on, {} steps", plan.steps).into();
+        let name = format!("longer training, {} steps", plan.steps).into();
         let nothing = || Cell::Absent;
         table.row([name, nothing(), nothing(), gain.into(), nothing(), nothing(), per_second]);
     }
     table
 }
 
-/// What is done, and what is left out and why.
+/// Sentences on the planned Gaussians, the candidates left out, and the meaning of gains.
 fn sentences(plan: &Spending) -> [String; 3] {
     let &Spending { gaussians_allowed, bytes_allowed, placements, steps, .. } = plan;
     let bytes = bytes_allowed.map_or(String::new(), |bytes| format!(" in {bytes} bytes"));
@@ -56,34 +59,35 @@ fn sentences(plan: &Spending) -> [String; 3] {
         more => format!(", the rest in {more} later placements"),
     };
     let does = if plan.placed() == 0 {
-        format!("at most {gaussians_allowed} Gaussians{bytes} may be added; none is, and the scene stays as it is")
+        format!("at most {gaussians_allowed} Gaussians{bytes} may be added; none is, and the scene is unchanged")
     } else {
         format!(
-            "at most {gaussians_allowed} Gaussians{bytes} may be added: {} now{later}; all learn for {steps} steps",
-            plan.placed()
+            "at most {gaussians_allowed} Gaussians{bytes} may be added: {} now{later}; then everything learns for {}",
+            plan.placed(),
+            counted(steps as usize, "step")
         )
     };
     let mut reasons = vec![format!("{} that gain nothing in all photos together or overlap better ones", plan.no_gain)];
     if plan.least_db_per_thousand > 0.0 {
         let least = plan.least_db_per_thousand;
         let below = plan.below_training_on;
-        reasons.push(format!("{below} that gain less than training on as long would ({least:.3} dB a thousand)"));
+        reasons.push(format!("{below} that gain less than longer training would ({least:.3} dB a thousand)"));
     }
     if plan.beyond > 0 {
         reasons.push(format!("{} beyond the budget of the first placement", plan.beyond));
     }
     let left_out = format!("left out of {} candidates: {}", plan.drawn, reasons.join(", "));
-    let gains = "gains are of the training photos as they are now, before anything learns".to_owned();
+    let gains = "gains are predictions on the training photos, before anything learns".to_owned();
     [does, left_out, gains]
 }
 
-/// As it is printed.
+/// Formats the plan as text.
 pub fn text(plan: &Spending) -> String {
     let [does, left_out, gains] = sentences(plan);
     format!("plan: {does}\n{}\n{left_out}\n{gains}\n", table(plan))
 }
 
-/// As a page shows it.
+/// Formats the plan as HTML.
 pub fn html(plan: &Spending) -> String {
     let mut out = format!("<pre class=\"plan\">{}</pre>\n", escape(&table(plan).to_string()));
     for sentence in sentences(plan) {
@@ -133,16 +137,16 @@ mod tests {
             "62.500",
             "0.750",
             "0.016",
-            "training on, 600 steps",
+            "longer training, 600 steps",
             "0.125",
             "left out of 120 candidates: 111 that gain nothing",
-            "3 that gain less than training on as long would (0.500 dB a thousand)",
+            "3 that gain less than longer training would (0.500 dB a thousand)",
             "2 beyond the budget",
         ] {
             assert!(said.contains(part), "`{part}` is not in: {said}");
         }
         let none = Spending { lobes: Spent { placed: 0, ..spent }, training_on_db: None, ..plan.clone() };
-        assert!(text(&none).contains("none is, and the scene stays as it is") && !text(&none).contains("training on,"));
+        assert!(text(&none).contains("the scene is unchanged") && !text(&none).contains("longer training,"));
         assert!(html(&plan).contains("the same without lobes") && html(&plan).contains("<p>left out of 120"));
     }
 }

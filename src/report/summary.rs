@@ -1,4 +1,4 @@
-//! Scenes and datasets in numbers.
+//! Summaries of scenes and datasets in numbers.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -8,23 +8,24 @@ use crate::{
     scene::{Gaussians, Scene, color},
 };
 
-/// Where the values of something lie.
+/// Distribution of values.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
-    /// The smallest value.
+    /// Minimum.
     pub min: f64,
-    /// 5th, 50th and 95th percentile.
+    /// 5th percentile.
     pub p5: f64,
-    /// See `p5`.
+    /// Median.
     pub median: f64,
-    /// See `p5`.
+    /// 95th percentile.
     pub p95: f64,
-    /// The largest value.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Spread {
-    /// `None` of none. Percentiles are values that occur: the one at rank round(p (n − 1)).
+    /// Distribution of `values`; `None` if there are none. A percentile is the value at rank round(p (n −
+    /// 1)).
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Spread> {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_unstable_by(f64::total_cmp);
@@ -39,31 +40,31 @@ impl Spread {
     }
 }
 
-/// A set of Gaussians. Spreads and bounds are `None` where there are no Gaussians.
+/// Summary of a set of Gaussians. Distributions and bounds are `None` if it is empty.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GaussiansSummary {
-    /// How many.
+    /// Number of Gaussians.
     pub count: usize,
-    /// Smallest and largest coordinate of the centres, scene units.
+    /// Smallest and largest coordinates of the centers, scene units.
     pub bounds: Option<[[f32; 3]; 2]>,
-    /// σ(logit), 0 to 1.
+    /// Opacity σ(logit), 0 to 1.
     pub opacity: Option<Spread>,
-    /// Largest and smallest standard deviation of each Gaussian, scene units.
+    /// Largest standard deviation of each Gaussian, scene units.
     pub largest_scale: Option<Spread>,
-    /// See `largest_scale`.
+    /// Smallest standard deviation of each Gaussian, scene units.
     pub smallest_scale: Option<Spread>,
 }
 
-/// Opacity lobes.
+/// Summary of opacity lobes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LobesSummary {
-    /// T, in [0.01, 1]: the lobe ends at the angle πT.
+    /// Width T, in [0.01, 1]: the lobe ends at the angle πT.
     pub width: Option<Spread>,
-    /// β; the exponent is exp(β).
+    /// Sharpness β; the exponent is exp(β).
     pub sharpness: Option<Spread>,
 }
 
-/// The supplement of an augmented scene.
+/// Summary of the supplement of an augmented scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SupplementSummary {
     /// Degree of the harmonics, 0 to 3; `None` for other color models.
@@ -71,14 +72,14 @@ pub struct SupplementSummary {
     /// Name of the color model.
     #[serde(skip)]
     pub color: &'static str,
-    /// Of the Gaussians that have them.
+    /// Gaussians of the supplement.
     #[serde(flatten)]
     pub gaussians: GaussiansSummary,
-    /// Of their lobes.
+    /// Their lobes.
     pub lobes: LobesSummary,
 }
 
-/// A scene.
+/// Summary of a scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SceneSummary {
     /// Degree of the base's harmonics, 0 to 3; `None` for other color models.
@@ -86,17 +87,17 @@ pub struct SceneSummary {
     /// Name of the base's color model.
     #[serde(skip)]
     pub color: &'static str,
-    /// What coordinates count from, in the world; none of the world's origin.
+    /// Origin of the scene's coordinates, in the world; `None` for the world's origin.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<[f64; 3]>,
-    /// The Gaussians that every viewer shows.
+    /// Gaussians that every viewer shows.
     pub base: GaussiansSummary,
-    /// Those with lobes, where there are any.
+    /// Gaussians with lobes, if there are any.
     pub supplement: Option<SupplementSummary>,
 }
 
 impl SceneSummary {
-    /// Summarises a scene.
+    /// Summarizes a scene.
     pub fn of(scene: &Scene) -> SceneSummary {
         let lobe_spread = |values: &[f32]| Spread::of(values.iter().map(|&v| f64::from(v)));
         SceneSummary {
@@ -115,7 +116,7 @@ impl SceneSummary {
 }
 
 impl GaussiansSummary {
-    /// Summarises one segment's Gaussians.
+    /// Summarizes the Gaussians of one segment.
     pub fn of(gaussians: &Gaussians) -> GaussiansSummary {
         let corner = |pick: fn(f32, f32) -> f32| {
             gaussians.means.iter().copied().reduce(|a, b| [pick(a[0], b[0]), pick(a[1], b[1]), pick(a[2], b[2])])
@@ -133,50 +134,50 @@ impl GaussiansSummary {
     }
 }
 
-/// Photos of one size.
+/// Number of photos of one size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct SizeCount {
-    /// Pixels.
+    /// Width, pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height, pixels.
     pub height: u32,
-    /// How many have this size.
+    /// Photos of this size.
     pub photos: usize,
 }
 
-/// A dataset.
+/// Summary of a dataset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DatasetSummary {
     /// `COLMAP`, `Blender` (NeRF Synthetic), `transforms` (instant-ngp, nerfstudio) or `memory`.
     pub format: &'static str,
-    /// In all.
+    /// Number of photos.
     pub photos: usize,
-    /// For training.
+    /// Photos for training.
     pub train: usize,
-    /// For testing.
+    /// Photos for testing.
     pub test: usize,
-    /// Sizes as prepared, most frequent first.
+    /// Sizes after preparation, most frequent first.
     pub sizes: Vec<SizeCount>,
-    /// Photos that are reduced from larger files.
+    /// Photos downscaled from larger files.
     pub reduced: usize,
-    /// Photos whose lens distortion is taken out.
+    /// Photos whose lens distortion is removed.
     pub undistorted: usize,
-    /// The largest part of such a photo, 0 to 1, that its file does not show and that does not count.
+    /// Largest share of such a photo, 0 to 1, that its file does not show and that does not count.
     pub outside: f64,
     /// Photos with a mask file.
     pub masked: usize,
-    /// Sparse points; `None` where there are none.
+    /// Sparse points; `None` if there are none.
     pub points: Option<usize>,
     /// 1.1 × the largest distance of a training camera from their mean, scene units.
     pub extent: f64,
-    /// What the training cameras look at: a ball, scene units.
+    /// Center of the ball that the training cameras look at, scene units.
     pub focus_center: Option<[f64; 3]>,
-    /// See `focus_center`.
+    /// Radius of that ball, scene units.
     pub focus_radius: Option<f64>,
 }
 
 impl DatasetSummary {
-    /// Summarises a dataset.
+    /// Summarizes a dataset.
     pub fn of(dataset: &Dataset) -> DatasetSummary {
         let mut sizes: Vec<SizeCount> = Vec::new();
         for camera in dataset.photos.iter().map(|photo| &photo.camera) {

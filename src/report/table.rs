@@ -1,32 +1,32 @@
-//! Small tables: aligned plain text for people, an array of objects for programs.
+//! Small tables, printed as aligned text or serialized as an array of objects.
 
 use std::fmt;
 
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
-/// A column: its key in JSON, its title and unit for people (no unit: empty), digits after the point of its numbers.
+/// Column of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Column {
-    /// In JSON: words in snake_case.
+    /// Key in JSON: words in snake_case.
     pub key: &'static str,
-    /// For people.
+    /// Title in text.
     pub title: &'static str,
-    /// In brackets behind the title; empty: none.
+    /// Unit, in brackets after the title; empty for none.
     pub unit: &'static str,
-    /// Digits after the point, for people; JSON has all.
+    /// Digits after the decimal point in text; JSON has all digits.
     pub decimals: usize,
 }
 
-/// One entry. Numbers that are not finite print as `inf`, `-inf` or `nan` and are `null` in JSON.
+/// Entry of a table. Numbers that are not finite print as `inf`, `-inf` or `nan` and are `null` in JSON.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
-    /// To the left of its column.
+    /// Text, aligned to the left of its column.
     Text(String),
-    /// A whole number.
+    /// Whole number.
     Count(u64),
-    /// With the column's digits.
+    /// Number with the column's digits.
     Number(f64),
-    /// Not measured: `–` in text, `null` in JSON.
+    /// Missing value: `–` in text, `null` in JSON.
     Absent,
 }
 
@@ -60,7 +60,7 @@ impl<T: Into<Cell>> From<Option<T>> for Cell {
     }
 }
 
-/// Rows under named columns. `Display` gives the text, `Serialize` the array of one object per row.
+/// Rows under named columns. `Display` gives the text, `Serialize` an array with one object per row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     columns: Vec<Column>,
@@ -68,12 +68,12 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table without rows.
+    /// Creates a table without rows.
     pub fn new(columns: impl Into<Vec<Column>>) -> Self {
         Table { columns: columns.into(), rows: vec![] }
     }
 
-    /// Adds a row. Cells that it lacks are absent, cells beyond the last column are dropped.
+    /// Adds a row. Missing cells are absent; cells beyond the last column are dropped.
     pub fn row(&mut self, cells: impl IntoIterator<Item = Cell>) -> &mut Self {
         let cells = cells.into_iter().chain(std::iter::repeat(Cell::Absent));
         self.rows.push(cells.take(self.columns.len()).collect());
@@ -84,7 +84,7 @@ impl Table {
 impl Cell {
     fn text(&self, decimals: usize) -> String {
         match self {
-            // A line break would tear the table.
+            // A line break would break the table.
             Cell::Text(text) => text.replace(char::is_control, " "),
             Cell::Count(count) => count.to_string(),
             Cell::Number(v) if v.is_nan() => "nan".to_owned(),
@@ -95,7 +95,8 @@ impl Cell {
 }
 
 impl fmt::Display for Table {
-    /// Title line with units in brackets, a rule, the rows; columns two spaces apart, text to the left, numbers to the right.
+    /// Writes a title line with units in brackets, a rule, and the rows. Columns are two spaces apart; text
+    /// is aligned to the left, numbers to the right.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let header = self.columns.iter().map(|c| match c.unit {
             "" => c.title.to_owned(),

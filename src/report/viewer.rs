@@ -1,8 +1,9 @@
-//! A scene as one HTML page that draws it in a browser, with WebGPU or WebGL2 and nothing beside the page.
+//! HTML page that draws a scene in a browser with WebGPU or WebGL2; a single self-contained file.
 //!
-//! `viewer/` holds the page's parts: shaders, of which `project.vert` and `blend.frag` are `glsl/raster/project.comp` and `blend.comp`
-//! once more, and scripts. What the shaders share with the kernels is taken from the kernels' own files; WGSL, for WebGPU, takes
-//! constants and the harmonics' basis from there. [`pack`] makes the scene small.
+//! `viewer/` holds the parts of the page: scripts and shaders. `project.vert` and `blend.frag` implement
+//! `glsl/raster/project.comp` and `blend.comp` for WebGL2. Code shared with the kernels is taken from their
+//! files; the WGSL for WebGPU takes constants and the harmonics' basis from there. [`pack`] compresses the
+//! scene.
 
 mod pack;
 
@@ -19,27 +20,27 @@ use crate::{
     scene::{Camera, Scene, color},
 };
 
-/// Characters of the longest text that all browsers hold (2^29 less some).
+/// Maximum length of a text that all browsers can hold, characters (slightly less than 2^29).
 const LONGEST: usize = (1 << 29) - 64;
 
-/// What a page shows.
+/// Content of a page.
 #[derive(Debug)]
 pub struct Viewer<'a> {
-    /// Headline.
+    /// Title.
     pub title: &'a str,
-    /// Of any size; at some millions of Gaussians a page is too large for browsers.
+    /// Scene of any size; browsers cannot open pages with several million Gaussians.
     pub scene: &'a Scene,
-    /// Cameras to jump to, by name. Without any the page has one that sees most of the scene.
+    /// Cameras to jump to, by name. If there are none, the page has one that sees most of the scene.
     pub cameras: Vec<(&'a str, Camera)>,
-    /// What the camera goes round, where it is known.
+    /// Point that the camera orbits, if known.
     pub focus: Option<DVec3>,
-    /// sRGB.
+    /// Background, sRGB.
     pub background: [f32; 3],
-    /// Gaussians smaller than a pixel are faded, see `Policy::compensate`.
+    /// Whether Gaussians smaller than a pixel are faded, see `Policy::compensate`.
     pub compensate: bool,
 }
 
-/// A camera, as the page has it: coordinates count from the scene's origin.
+/// Camera in the page's format; coordinates count from the scene's origin.
 #[derive(Serialize)]
 struct Shot<'a> {
     name: &'a str,
@@ -49,12 +50,12 @@ struct Shot<'a> {
     fy: f64,
     cx: f64,
     cy: f64,
-    /// World to camera, by rows.
+    /// Rotation from world to camera, by rows.
     rotation: [f64; 9],
     translation: [f64; 3],
 }
 
-/// What the page is told beside the blocks of numbers.
+/// Data of the page except for the blocks of numbers.
 #[derive(Serialize)]
 struct Description<'a> {
     base: usize,
@@ -67,26 +68,26 @@ struct Description<'a> {
     jacobian_limit: f64,
     background: [f32; 3],
     focus: [f64; 3],
-    /// The world's coordinates of the origin: for cameras that are given by numbers.
+    /// World coordinates of the origin, for cameras given by numbers.
     origin: [f64; 3],
     cameras: Vec<Shot<'a>>,
 }
 
 impl Viewer<'_> {
-    /// Bytes that the page has for a Gaussian without and with a lobe, before they are written as text of 4/3 the length.
+    /// Bytes of a Gaussian without and with a lobe, before encoding as text of 4/3 the length.
     pub fn bytes_per_gaussian(&self) -> [usize; 2] {
         let base = self.scene.base.sh_degree;
         bytes_of([base, self.scene.supplement.as_ref().map_or(base, |s| s.gaussians.sh_degree)])
     }
 
-    /// The page.
+    /// Writes the page.
     ///
     /// # Errors
     /// [`Error::Usage`] if the scene is too large for a page, or if its colors are not harmonics.
     pub fn page(&self) -> Result<String> {
         let colors = color::of(self.scene.base.sh_degree);
         if colors.harmonics.is_none() {
-            return Err(Error::Usage(format!("a page has no place for {}, expected harmonics", colors.name)));
+            return Err(Error::Usage(format!("a page cannot show {}, expected harmonics", colors.name)));
         }
         let start = [("start", overview(self.scene))];
         let cameras = if self.cameras.is_empty() { &start[..] } else { &self.cameras };
@@ -114,11 +115,11 @@ impl Viewer<'_> {
             let all = count_of(self.scene);
             let most = all * LONGEST / longest;
             return Err(Error::Usage(format!(
-                "the scene has {all} Gaussians, and browsers take a page of {most} of its SH degree at most"
+                "the scene has {all} Gaussians, but browsers open pages with at most {most} of its SH degree"
             )));
         }
         let (vertex, fragment) = shaders();
-        // A text ends at the first `</script`, and at `<!--` begins what has another end.
+        // A text ends at the first `</script`; after `<!--` it would end elsewhere.
         let description = description.replace('<', "\\u003c");
         let [project, sort, blend, over] = wgsl();
         let fills: [(&str, &str); 15] = [
@@ -151,7 +152,7 @@ const SCRIPTS: &str = concat!(
     include_str!("viewer/main.js"),
 );
 
-/// `template` with each `{{NAME}}` replaced, in one pass: what is put in is not looked at again.
+/// Replaces each `{{NAME}}` of `template` in one pass; inserted text is not searched again.
 fn fill(template: &str, fills: &[(&str, &str)]) -> String {
     let mut page = String::with_capacity(template.len() + fills.iter().map(|(_, text)| text.len()).sum::<usize>());
     let mut rest = template;
@@ -169,7 +170,8 @@ const SPLAT: &str = include_str!("../../glsl/shared/splat.glsl");
 const UNIT: &str = include_str!("../../glsl/shared/unit.glsl");
 const COLOUR: &str = include_str!("../../glsl/shared/colour.glsl");
 
-/// The vertex and the fragment shader that draw Gaussians. What they share with the kernels stands first, without comments.
+/// Vertex and fragment shader that draw Gaussians. They begin with the code shared with the kernels,
+/// without comments.
 fn shaders() -> (String, String) {
     let alphas = [part(SPLAT, "const float ALPHA_MIN"), part(SPLAT, "const float ALPHA_MAX")].concat();
     let names = ["const float PI", "const float SH_C0", "const float DILATION"];
@@ -187,7 +189,7 @@ fn shaders() -> (String, String) {
     (bare(&shared) + include_str!("viewer/project.vert"), bare(&alphas) + include_str!("viewer/blend.frag"))
 }
 
-/// The shaders that project, sort, blend and lay the light over the background with WebGPU.
+/// WGSL shaders that project, sort, blend, and lay the light over the background.
 fn wgsl() -> [String; 4] {
     let lines = [
         (CONSTANTS, &["const uint NONE", "const float PI", "const float SH_C0", "const float DILATION"][..]),
@@ -207,7 +209,7 @@ fn wgsl() -> [String; 4] {
     ]
 }
 
-/// Lines `const TYPE NAME = VALUE;` of GLSL in WGSL.
+/// Converts lines `const TYPE NAME = VALUE;` from GLSL to WGSL.
 fn constants_of_wgsl(glsl: &str) -> String {
     let line = |line: &str| {
         let types = [("const float ", "f32"), ("const uint ", "u32")];
@@ -217,7 +219,7 @@ fn constants_of_wgsl(glsl: &str) -> String {
     glsl.lines().filter_map(line).collect()
 }
 
-/// The function `sh_basis` of GLSL in WGSL, where it returns the array.
+/// Converts the function `sh_basis` from GLSL to WGSL, which returns the array.
 fn basis_of_wgsl(glsl: &str) -> String {
     let signature = "fn sh_basis(d: vec3f) -> array<f32, 16> {\n    var basis: array<f32, 16>;\n";
     let body = glsl.lines().skip(1).map(|line| match line.trim_start().strip_prefix("float ") {
@@ -228,7 +230,7 @@ fn basis_of_wgsl(glsl: &str) -> String {
     signature.to_owned() + &body.collect::<String>()
 }
 
-/// The declaration of `source` that begins with `start`: a line, or, where that opens a block, all up to its end.
+/// Declaration in `source` that begins with `start`: one line, or a whole block if that line opens one.
 fn part(source: &str, start: &str) -> String {
     let mut lines = source.lines().skip_while(|line| !line.starts_with(start)).peekable();
     let block = lines.peek().is_some_and(|line| line.ends_with('{'));
@@ -243,7 +245,7 @@ fn part(source: &str, start: &str) -> String {
     text
 }
 
-/// Without comments and includes, which only glint's own compiler knows.
+/// Removes comments, and includes, which only glint's own compiler knows.
 fn bare(source: &str) -> String {
     let code = source.lines().filter_map(|line| line.split("//").next()).map(str::trim_end);
     code.filter(|line| !line.is_empty() && !line.starts_with("#include")).flat_map(|line| [line, "\n"]).collect()
@@ -263,24 +265,24 @@ fn count_of(scene: &Scene) -> usize {
     scene.base.len() + scene.supplement.as_ref().map_or(0, |s| s.gaussians.len())
 }
 
-/// The number `share` of the way up the sorted values; 0 of none.
+/// Value at the fraction `share` of the sorted values; 0 if there are none.
 fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values.get((share * values.len() as f64) as usize).copied().unwrap_or(0.0)
 }
 
-/// The median in each coordinate.
+/// Median of each coordinate.
 fn middle(scene: &Scene) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(|axis| quantile(scene.world_means().map(|mean| mean[axis]), 0.5)))
 }
 
-/// Looks along +z at what lies around the middle of the scene, which most of its Gaussians do.
+/// Camera that looks along +z at the middle of the scene and sees most of its Gaussians.
 fn overview(scene: &Scene) -> Camera {
     let (width, height) = (960, 720);
     let middle = middle(scene);
     let radius = quantile(scene.world_means().map(|mean| mean.distance(middle)), 0.75).max(NEAR);
-    // A field of view of 50° down; the ball touches its sides.
+    // The vertical field of view is 50°; the ball touches its sides.
     let half = 25f64.to_radians();
     let focal = f64::from(height) / 2.0 / half.tan();
     let eye = middle - DVec3::Z * (radius / half.sin());
@@ -304,7 +306,7 @@ mod tests {
         let html = page("a <b> {{SCENE}}", "</script><script>alert(1)</script>{{TITLE}}");
         assert!(html.contains("<title>a &lt;b&gt; {{SCENE}}</title>") && !html.contains("alert(1)</script>"));
         assert!(html.starts_with("<!DOCTYPE html>") && html.ends_with("</html>\n"));
-        // Nothing is fetched from anywhere, and the browser holds it to that.
+        // The page loads nothing, and its policy makes the browser enforce that.
         assert!(!html.contains("://") && !html.contains("import ") && html.contains("default-src 'none'"));
         let parts = ["page.html", "style.css", "scene.js", "camera.js", "sort.js", "draw.js", "gpu.js", "main.js"];
         let glsl = ["project.vert", "blend.frag", "over.vert", "over.frag"];

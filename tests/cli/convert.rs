@@ -76,9 +76,9 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
     }
     let text = work.ok("convert base.ply text.splat --compare data");
     assert!(text.starts_with("text.splat: 200 Gaussians, SH degree 0, 0.006 MB of 0.021, renders "), "{text}");
-    assert!(text.ends_with(" dB from those of the input\n"), "{text}");
+    assert!(text.ends_with(" dB against the input's\n"), "{text}");
     let said = String::from_utf8(work.run("convert base.ply note.splat").stderr).unwrap();
-    assert!(said.contains("note: note.splat: colour that depends on the view is not kept"), "{said}");
+    assert!(said.contains("note: note.splat: view-dependent color is not stored"), "{said}");
     // A folder with the files of an SOG scene.
     let mut archive = zip::ZipArchive::new(fs::File::open(work.path("a.sog")).unwrap()).unwrap();
     archive.extract(work.path("folder")).unwrap();
@@ -93,7 +93,7 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
         let convert = format!("convert base.ply v{version}.spz --spz-version {version} --compare data --json");
         assert!(work.json(&convert)["psnr"].as_f64().unwrap() > 20.0);
     }
-    assert!(work.ok("convert base.ply same.ply --compare data").contains("renders as the input does"));
+    assert!(work.ok("convert base.ply same.ply --compare data").contains("renders are identical to the input's"));
     // If the comparison is impossible, nothing is written.
     work.refused("convert base.ply x.spz --compare data --holdout none --split test", &["test split"]);
     assert!(!work.path("x.spz").exists());

@@ -131,7 +131,7 @@ fn a_dataset_of_which_nothing_can_be_seen_is_refused_before_training() {
     let mut base = random_scene(1, 50, 0, 0);
     base.base.means.iter_mut().flatten().for_each(|v| *v *= 1e-4);
     write_scene(work.path("base.ply"), &base).unwrap();
-    work.refused("enhance data --base base.ply -o x.ply", &["no training photo sees a Gaussian", "another's"]);
+    work.refused("enhance data --base base.ply -o x.ply", &["no training photo sees a Gaussian", "belongs to it"]);
     // A scene behind most cameras: a note reports that those see nothing.
     let work = Work::new();
     let turned = |text: &str| {
@@ -281,7 +281,7 @@ fn mistakes_get_the_next_step() {
         );
         refused("above", &["above: no dataset here, but one folder deeper: give above/data"]);
         refused("above/data/images", &["no dataset here, but in the folder above: give ", "above/data"]);
-        refused("~/data", &["~/data: the shell has not replaced `~`", "write \"$HOME/data\" instead"]);
+        refused("~/data", &["~/data: the shell has not expanded `~`", "write \"$HOME/data\" instead"]);
         let video = "clip.mov: is a video; extract photos from it with ffmpeg and find their poses with COLMAP, see docs/datasets.md";
         refused("clip.mov", &[video]);
         if !command.starts_with("info") {
@@ -298,11 +298,11 @@ fn mistakes_get_the_next_step() {
     for ending in ["spz", "splat", "glb", "sog", "compressed.ply"] {
         let then = format!("expected a name such as a.ply; then `glint convert a.ply a.{ending}`");
         for command in ["train data -o", "enhance data --base base.ply -o"] {
-            work.refused(&format!("{command} a.{ending}"), &["a PLY scene is written here", &then]);
+            work.refused(&format!("{command} a.{ending}"), &["the output is a PLY scene", &then]);
         }
     }
-    work.refused("train data -o ~/x.ply", &["~/x.ply: the shell has not replaced `~`"]);
-    work.refused("train data -o x.ply --init=~/x.ply", &["the shell has not replaced `~`"]);
+    work.refused("train data -o ~/x.ply", &["~/x.ply: the shell has not expanded `~`"]);
+    work.refused("train data -o x.ply --init=~/x.ply", &["the shell has not expanded `~`"]);
 }
 
 /// A regression test: it aborted, since there was no memory for that many random points.

@@ -50,7 +50,7 @@ fn a_georeferenced_scene_is_as_good_as_at_home() {
         let said = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.success(), "{said}");
         // Reported before the first step.
-        assert_eq!(said.contains("note: the cameras stand far from the world's origin"), name == "there", "{said}");
+        assert_eq!(said.contains("note: the cameras are far from the world's origin"), name == "there", "{said}");
         let report = work.json(&format!("eval {name}.ply {name} --split all --json"));
         found.push(report["augmented"]["psnr"].as_f64().unwrap());
     }

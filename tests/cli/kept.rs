@@ -127,14 +127,14 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     for damaged in [&flipped[..], &kept[..kept.len() / 2]] {
         fs::write(work.path(CHECKPOINT), damaged).unwrap();
         let said = work.said(&format!("{TRAIN} -o out.ply --force"));
-        assert!(said.contains(CHECKPOINT) && said.contains("all steps are done again"), "{said}");
+        assert!(said.contains(CHECKPOINT) && said.contains("the run starts over"), "{said}");
         assert!(fs::read(work.path("out.ply")).unwrap() == whole);
         assert!(!work.path(CHECKPOINT).exists());
     }
     // A file that never was a checkpoint belongs to somebody else.
     fs::write(work.path(CHECKPOINT), "notes").unwrap();
     fs::remove_file(work.path("out.ply")).unwrap();
-    work.refused(&format!("{TRAIN} -o out.ply"), &[CHECKPOINT, "nothing that glint knows", "--restart begins anew"]);
+    work.refused(&format!("{TRAIN} -o out.ply"), &[CHECKPOINT, "nothing that glint knows", "over with --restart"]);
     assert_eq!(fs::read(work.path(CHECKPOINT)).unwrap(), b"notes");
 }
 
@@ -188,7 +188,7 @@ fn a_second_run_to_one_place_is_refused() {
         for second in [arguments.clone(), format!("{arguments} --force"), format!("{arguments} --restart")] {
             let said = String::from_utf8(work.run(&second).stderr).unwrap();
             assert!(
-                said.contains("error: ") && said.contains("out.ply") && said.contains("another run that is going on"),
+                said.contains("error: ") && said.contains("out.ply") && said.contains("another glint process"),
                 "{said}"
             );
         }
@@ -282,7 +282,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
         (train(400, "--max-size 16"), "camera_crc32"),
         (train(400, "--holdout none"), "`photos."),
     ] {
-        work.refused(&format!("{command} --force"), &[CHECKPOINT, "another run", key, "--restart begins anew"]);
+        work.refused(&format!("{command} --force"), &[CHECKPOINT, "another run", key, "start over with --restart"]);
     }
     let points = work.path("data/sparse/0/points3D.txt");
     let text = fs::read_to_string(&points).unwrap();
@@ -321,7 +321,7 @@ fn the_same_command_resumes_and_begins_anew_where_it_is_told_to() {
     assert!(whole() && !work.path(CHECKPOINT).exists());
     // A finished output is different: there is nothing to restart.
     for options in ["", "--restart"] {
-        work.refused(&format!("{TRAIN} -o out.ply {options}"), &["out.ply", "is there already; --force replaces it"]);
+        work.refused(&format!("{TRAIN} -o out.ply {options}"), &["out.ply", "already exists; --force overwrites it"]);
     }
     ended();
     let report = work.json(&format!("{TRAIN} -o out.ply --restart --json"));
@@ -370,11 +370,11 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     assert!(!whole());
     fs::write(work.path(CHECKPOINT), &kept[..kept.len() - 1]).unwrap();
     let said = work.said(&format!("{ENHANCE} -o out.ply --force"));
-    assert!(said.contains("all steps are done again") && whole(), "{said}");
+    assert!(said.contains("the run starts over") && whole(), "{said}");
     // A run with a time limit reads no checkpoint of another kind, so one next to it is not its own.
     fs::write(work.path(CHECKPOINT), &kept).unwrap();
     let by_time = "enhance data --base base.ply -o out.ply --time 9s";
-    work.refused(by_time, &["out.ply", "is there already"]);
+    work.refused(by_time, &["out.ply", "already exists"]);
 
     // Every option is in the settings, by its name, unless it is exempt.
     fs::write(work.path(CHECKPOINT), &kept).unwrap();
@@ -414,7 +414,7 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(130), "{said}");
     assert!(
-        said.contains("joint steps; out.ply has what was learned") && said.contains("same command resumes"),
+        said.contains("joint steps; out.ply has their result") && said.contains("run the same command to resume"),
         "{said}"
     );
     let ended = glint::data::read_scene(work.path("out.ply")).unwrap();
@@ -454,7 +454,7 @@ fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
         let output = run::finish(child);
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(130), "{said}");
-        assert!(said.contains("out.ply has what was learned") && said.contains("same command resumes"), "{said}");
+        assert!(said.contains("out.ply has their result") && said.contains("run the same command to resume"), "{said}");
         work.ok(&format!("{TRAIN} -o out.ply"));
         assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
         fs::remove_file(work.path("out.ply")).unwrap();
@@ -564,7 +564,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     let output = full(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert_eq!(said.matches("cannot be kept").count(), 1, "{said}");
+    assert_eq!(said.matches("cannot be saved").count(), 1, "{said}");
     assert!(said.contains("error: out.ply: ") && said.contains("the last checkpoint is in out.checkpoint"), "{said}");
     assert!(fs::read(work.path(CHECKPOINT)).unwrap() == kept);
     assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
@@ -583,7 +583,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     let output = work.run_with_files_below(6, train);
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(0), "{said}");
-    assert!(said.matches("cannot be kept").count() == 1 && said.contains("step-000010.png"), "{said}");
+    assert!(said.matches("cannot be saved").count() == 1 && said.contains("step-000010.png"), "{said}");
     // The history lines fitted.
     assert_eq!(fs::read_to_string(work.path("small.history.jsonl")).unwrap().lines().count(), 4);
     assert!(work.path("small.ply").exists() && files(&work.path("small.history")).is_empty());

@@ -381,7 +381,7 @@ fn bad_input_is_refused_in_one_line_and_leaves_nothing() {
     work.refused("train data -o empty", &["empty", "expected the name of a file"]);
     work.refused("train data -o base.ply/out.ply", &["base.ply/out.ply", "cannot be written"]);
     work.refused("render base.ply data -o text.ply", &["text.ply", "expected a folder"]);
-    work.refused("render base.ply data -o text.ply/in", &["text.ply/in", "cannot be made"]);
+    work.refused("render base.ply data -o text.ply/in", &["text.ply/in", "cannot be created"]);
     work.refused("render base.ply data -o out --what specular", &["base.ply", "no specular part"]);
     work.refused("train data -o out.ply --device nonesuch", &["--device", "nonesuch"]);
     work.refused("train data -o out.ply --device 99", &["--device", "99"]);

@@ -21,7 +21,7 @@ fn what_a_command_reads_is_never_written_over() {
     write_scene(work.path("base.ply"), &random_scene(1, 50, 0, 0)).unwrap();
     fs::copy(work.path("base.ply"), work.path("data/images/scene.ply")).unwrap();
     for force in ["", " --force"] {
-        let reads = "a folder that the dataset's photos are read from";
+        let reads = "a folder of the dataset's photos";
         work.refused(
             &format!("render base.ply data -o data/images{force}"),
             &["a.png", if force.is_empty() { "command reads" } else { "" }],
@@ -83,7 +83,7 @@ fn what_cannot_be_written_is_bad_input_wherever_it_is_named() {
     write_scene(work.path("base.ply"), &random_scene(1, 50, 0, 0)).unwrap();
     fs::write(work.path("file"), "").unwrap();
     work.refused("train data -o file/x.ply", &["file/x.ply", "cannot be written"]);
-    work.refused("render base.ply data -o file/x", &["file/x", "cannot be made"]);
+    work.refused("render base.ply data -o file/x", &["file/x", "cannot be created"]);
     work.refused("render base.ply data -o file", &["file", "expected a folder"]);
 }
 

@@ -94,7 +94,7 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
     let longer = &report["gain"]["longer_training"];
     assert!(longer["measured"] == true && longer["psnr"].as_f64().is_some_and(f64::is_finite), "{report}");
     let text = work.ok("enhance data --base base.ply -o x.ply --ratio 0.2 --force");
-    assert!(text.contains("longer training in its place, as many steps: ") && text.contains("dB (measured)"), "{text}");
+    assert!(text.contains("longer training instead, ") && text.contains("dB (measured)"), "{text}");
     // A run with a time limit has no time left for that measurement.
     let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --time 9s --json --force");
     assert_eq!(report["gain"]["longer_training"]["measured"], false, "{report}");
@@ -110,7 +110,7 @@ fn a_scene_of_another_dataset_is_told() {
     write_scene(work.path("white.ply"), &white).unwrap();
     let found = work.json("eval white.ply data --json")["base"]["psnr"].as_f64().unwrap();
     assert!(found < 12.0, "{found}");
-    let told = |arguments: &str| said(&work, arguments).contains("on these photos, as a scene of another dataset has");
+    let told = |arguments: &str| said(&work, arguments).contains("on these photos, like a scene of another dataset");
     assert!(told("eval white.ply data") && told("enhance data --base white.ply -o x.ply --ratio 0.1"));
     work.ok("train data -o own.ply --iterations 100");
     assert!(!told("eval own.ply data") && !told("enhance data --base own.ply -o y.ply --ratio 0.1"));

@@ -73,7 +73,7 @@ fn exposure_is_corrected_in_training_alone() {
     assert!((last.psnr - found).abs() < 1e-6, "{} and {found}", last.psnr);
     let output = work.run("train data -o timed.ply --exposure --time 9s --points 200 --gaussians 300");
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && said.contains("note: exposure: the photos' colour maps"), "{said}");
+    assert!(output.status.success() && said.contains("note: exposure: the photos' color maps"), "{said}");
 }
 
 /// DBS's colours, from training to pictures; formats that cannot store them give a note.
@@ -100,7 +100,7 @@ fn spherical_betas_are_learned_and_kept() {
     for name in ["out.spz", "out.sog", "out.splat", "out.compressed.ply", "out.glb"] {
         work.refused(&format!("convert out.ply {name}"), &[name, "no place for spherical betas", "expected"]);
     }
-    work.refused("export --html out.html out.ply", &["no place for spherical betas"]);
+    work.refused("export --html out.html out.ply", &["cannot show spherical betas"]);
     work.refused("enhance data --base out.ply -o more.ply", &["out.ply", "has spherical betas", "harmonics"]);
     // Training continues with betas; harmonics become betas with the same constant.
     let on = "train data --init out.ply --strategy mcmc --iterations 32 --deterministic";
@@ -250,5 +250,5 @@ fn where_a_run_begins_is_said_where_one_would_not_expect_it() {
         });
         placed.collect()
     });
-    assert!(notes("").contains("all training cameras stand at one place"), "{}", notes(""));
+    assert!(notes("").contains("all training cameras are at one place"), "{}", notes(""));
 }

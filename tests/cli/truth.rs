@@ -22,7 +22,7 @@ fn a_synthetic_dataset_is_made_trained_and_its_parts_are_judged() {
     }
     let info = work.json("info shiny --json");
     assert_eq!((&info["train"], &info["test"], &info["points"]), (&7.into(), &2.into(), &80.into()));
-    work.refused(SYNTH, &["is there already", "--force"]);
+    work.refused(SYNTH, &["already exists", "--force"]);
     let before = fs::read(work.path("shiny/images/view_03.png")).unwrap();
     work.ok(&format!("{SYNTH} --force"));
     assert_eq!(fs::read(work.path("shiny/images/view_03.png")).unwrap(), before);
@@ -135,6 +135,6 @@ fn scenes_are_shown_beside_each_other() {
     work.refused("report data a=nowhere.ply -o x/y", &["nowhere.ply"]);
     fs::write(work.path("bad.jsonl"), "{\"name\":\"a\"}\n").unwrap();
     work.refused("report data a=base.ply -o x --history bad.jsonl", &["bad.jsonl", "line 1", "seconds"]);
-    work.refused("report data a=base.ply -o data/images", &["a folder that the dataset's photos are read from"]);
+    work.refused("report data a=base.ply -o data/images", &["a folder of the dataset's photos"]);
     assert_eq!(work.run("report data base.ply -o x").status.code(), Some(2));
 }

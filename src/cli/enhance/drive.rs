@@ -1,4 +1,4 @@
-//! The loop of an augmentation: a bar for each phase, what is kept of it and when it ends.
+//! Runs an augmentation with a progress bar for each phase, checkpoints, and an end on request or by time.
 
 use std::{
     path::Path,
@@ -27,22 +27,22 @@ use crate::{
     scene::Scene,
 };
 
-/// What an augmentation has to do with while it goes on.
+/// Surroundings of an augmentation: base file, checkpoint, interrupt and end.
 #[derive(Default)]
 pub(in crate::cli) struct Beside<'a> {
-    /// The base's file.
+    /// File of the base.
     pub(in crate::cli) base: Option<&'a Path>,
-    /// Keeps what it can, and what an earlier run kept.
+    /// Checkpoint file, and the checkpoint of an earlier run.
     pub(in crate::cli) kept: Option<(&'a mut Kept, Option<Checkpoint>)>,
-    /// Ends the joint phase when it is asked to; must live until the result is written.
+    /// Ends the joint phase on request; must live until the result is written.
     pub(in crate::cli) interrupt: Option<&'a Interrupt>,
-    /// When the joint phase is to end.
+    /// End of the joint phase.
     pub(in crate::cli) end: Option<Instant>,
-    /// The plan is not printed.
+    /// Whether the plan is not printed.
     pub(in crate::cli) silent: bool,
 }
 
-/// Augments with a bar for each phase. `look_at` sees the model at each event.
+/// Augments with a progress bar for each phase. `look_at` sees the model at each event.
 pub(in crate::cli) fn run_with_progress(
     session: &Session,
     scene: &Scene,
@@ -76,28 +76,28 @@ pub(in crate::cli) fn run_with_progress(
     }
 }
 
-/// An augmentation that is going on.
+/// Augmentation in progress.
 struct Augmentation<'a> {
     session: &'a Session,
     views: &'a Views,
     options: &'a EnhanceOptions,
     beside: Beside<'a>,
     enhancer: Enhancer,
-    /// What is shown of the phase, and what that is called.
+    /// Label and bar of the current phase.
     bar: Option<(&'static str, Progress)>,
-    /// Placements that were told of.
+    /// Placements already logged.
     told: usize,
-    /// When the base was rendered.
+    /// Time at which the base was rendered.
     begun: Instant,
-    /// Of a run by time.
+    /// Plan of a run by time.
     clock: Option<Deadline>,
-    /// When the placement that is being made began, and how long the last one took.
+    /// Start of the placement in progress, and duration of the last one.
     placing: Option<Instant>,
     placed_in: Duration,
 }
 
 impl Augmentation<'_> {
-    /// Keeps what it can of one that ended with `error`, which it gives back.
+    /// Saves a checkpoint if it can after `error`, and returns the error.
     fn fail(&mut self, error: Error) -> Error {
         match &mut self.beside.kept {
             Some((kept, _)) => kept.keep_after(error, self.enhancer.checkpoint(self.views)),
@@ -105,13 +105,13 @@ impl Augmentation<'_> {
         }
     }
 
-    /// A bar of so many steps of a phase, and what else there is to say.
+    /// Shows `done` of `total` steps of a phase, and a text.
     fn show(&mut self, label: &'static str, done: u64, total: u64, said: Option<String>) {
         if self.bar.as_ref().is_none_or(|(shown, _)| *shown != label) {
-            // The old one goes first.
+            // The old bar is removed first.
             self.bar = None;
             let begun = Progress::new(label, "steps", total);
-            // A phase may go on where a placement or an earlier run left it.
+            // A phase may continue after a placement or from an earlier run.
             begun.goes_on_from(done);
             self.bar = Some((label, begun));
         }
@@ -123,13 +123,13 @@ impl Augmentation<'_> {
         }
     }
 
-    /// Does what an event asks for, which took since `before`.
+    /// Handles an event that took the time since `before`.
     fn follow(&mut self, event: Event, before: Instant, look_at: &mut Look<'_>) -> Result<()> {
         let mut look = |enhancer: &Enhancer, label: &str, done: u64, total: u64| {
             look_at(enhancer.model(), format_args!("{label}, step {done} of {total}"));
         };
         match event {
-            // The next event brings a bar of its own.
+            // The next event brings its own bar.
             Event::Base => {
                 self.begun = Instant::now();
                 if let Some(base) = self.beside.base {
@@ -140,7 +140,8 @@ impl Augmentation<'_> {
             Event::Weighed => {
                 if let Some(end) = self.beside.end {
                     let (passed, left) = (self.begun.elapsed(), end.saturating_duration_since(Instant::now()));
-                    // A pass took that long; all placements together are thought to take two, until one has been made.
+                    // A pass over the photos took `passed`. Until one placement is done, all of them are
+                    // estimated at two passes.
                     let passes = left.as_secs_f64() / passed.as_secs_f64().max(1e-9) - 2.0;
                     self.enhancer.take_steps((passes * self.views.cameras.len() as f64).min(MOST.into()) as u32);
                 }
@@ -182,7 +183,7 @@ impl Augmentation<'_> {
         Ok(())
     }
 
-    /// Goes on with the joint phase, of which so many steps are done.
+    /// Continues the joint phase after `step` of `steps` steps.
     fn join(&mut self, step: u32, steps: u32) -> Result<()> {
         let placements = self.options.pursuit.placements.max(1);
         for (k, placed) in self.enhancer.placed().iter().enumerate().skip(self.told) {
@@ -214,7 +215,7 @@ impl Augmentation<'_> {
         }
         let asked = interrupt.is_some_and(Interrupt::asked);
         if let Some((kept, _)) = kept
-            // What is learned last is kept until it is written.
+            // The last state is checkpointed until the scene is written.
             && (asked || step == steps || kept.is_due())
         {
             kept.keep(self.enhancer.checkpoint(self.views))?;
@@ -222,17 +223,17 @@ impl Augmentation<'_> {
         if asked { self.enhancer.stop(self.views) } else { Ok(()) }
     }
 
-    /// Plans the joint phase anew, which has until `end`; whether it is over.
+    /// Replans a joint phase that has until `end`. Returns whether it is over.
     fn plan_until(&mut self, end: Instant, step: u32, steps: u32) -> Result<bool> {
         let now = Instant::now();
         let deadline = self.clock.get_or_insert_with(|| Deadline::of(now, end, steps, step));
         if deadline.is_over(now) && step < steps {
-            note(format!("the time was over after {step} of {steps} joint steps"));
+            note(format!("the time ended after {step} of {steps} joint steps"));
             self.enhancer.stop(self.views)?;
             return Ok(true);
         }
         if deadline.is_due(step, now) {
-            // Placements that are to come take as long as the last one did.
+            // The next placements are estimated to take as long as the last one.
             let more = self.options.pursuit.placements.saturating_sub(self.told as u32);
             let reserved = self.placed_in * more;
             self.enhancer.replan(self.views, |step| {
@@ -244,14 +245,14 @@ impl Augmentation<'_> {
     }
 }
 
-/// Steps of the screen phase that are done, and all that there will be. How many rounds a batch takes is not known: if those to
-/// come place as many Gaussians each as those before, they fill the budget after so many.
+/// Steps done in the screen phase, and steps in all. The number of rounds in a batch is an estimate: each
+/// round is assumed to place as many Gaussians as those before, until the budget is full.
 fn screen_steps(schedule: &Schedule, batch: usize, batches: usize, at: &screen::Progress) -> (u64, u64) {
     let Schedule { round_steps, final_steps, max_rounds, .. } = *schedule;
     let rounds = if at.last {
         at.round
     } else if at.round == 0 {
-        // A draw is a fifth of the budget.
+        // Each round draws a fifth of the budget.
         5.min(max_rounds)
     } else {
         let needed = (u64::from(at.round) * u64::from(at.budget)).div_ceil(u64::from(at.count.max(1)));
@@ -275,17 +276,17 @@ mod tests {
             let progress = screen::Progress { round, step, steps, last, count, budget: 100, loss: 0.5 };
             screen_steps(&schedule, 0, 1, &progress)
         };
-        // A fifth placed in one round: five rounds.
+        // One round places a fifth: five rounds.
         assert_eq!(at(1, 50, 200, 20), (50, 2000));
         assert_eq!(at(3, 50, 200, 60), (450, 2000));
-        // Half of each draw is pruned: ten.
+        // Half of each draw is pruned: ten rounds.
         assert_eq!(at(3, 0, 200, 30), (400, 3000));
-        // As many as there may be, and no fewer than there were.
+        // At most the allowed number of rounds, at least those already done.
         assert_eq!(at(2, 0, 200, 0), (200, 5000));
         assert_eq!(at(7, 100, 200, 100), (1300, 2400));
-        // Before the first.
+        // Before the first round.
         assert_eq!(at(0, 0, 200, 0), (0, 2000));
-        // The last steps.
+        // The final steps.
         assert_eq!(at(7, 100, 1000, 100), (1500, 2400));
         assert_eq!(at(7, 1000, 1000, 100), (2400, 2400));
         let progress =

@@ -1,4 +1,4 @@
-//! What an augmentation tells of itself in the end.
+//! Report at the end of an augmentation: gain, costs and their JSON.
 
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ use crate::{
     scene::Scene,
 };
 
-/// What `--json` prints.
+/// Content of `--json`.
 #[derive(Serialize)]
 pub(super) struct Report<'a> {
     pub(super) output: String,
@@ -35,36 +35,36 @@ pub(super) struct Report<'a> {
     /// Photos whose lifts came from a checkpoint.
     pub(super) photos_resumed: usize,
     pub(super) base_gaussians: usize,
-    /// Gaussians allowed; with --method augs 2D Gaussians left after the screen phase.
+    /// Maximum number of added Gaussians; with --method augs, 2D Gaussians left after the screen phase.
     pub(super) budget: u32,
     pub(super) refined: u32,
     pub(super) supplementary_gaussians: u32,
     /// Plain Gaussians that pursuit added to the base.
     pub(super) plain_gaussians: u32,
-    /// Of both in the file: 0 where they were discarded.
+    /// Size of both kinds in the file, bytes; 0 if they were discarded.
     pub(super) bytes_added: u64,
-    /// Of the whole file, with what the base became where that is kept beside it.
+    /// Size of the file, bytes, including a changed base stored next to the original.
     pub(super) file_bytes: u64,
-    /// What pursuit meant to do; null of --method augs.
+    /// Plan of pursuit; null for --method augs.
     pub(super) plan: Option<&'a Spending>,
-    /// Supplementary Gaussians that the joint phase made so transparent that they were taken away.
+    /// Supplementary Gaussians removed because the joint phase made them transparent.
     pub(super) faded_gaussians: u32,
-    /// What the base became is worse without the supplement, so `vertex` is the base as it was given.
+    /// Whether `vertex` is the original base, because the changed one is worse without the supplement.
     pub(super) original_kept: bool,
     pub(super) seconds: Seconds,
-    /// The most that the device held.
+    /// Peak device memory, MB.
     pub(super) device_megabytes: f64,
-    /// Of a step of the joint phase, in the order in which they first run; empty where the device has no timestamps.
+    /// Stages of a joint step, in the order of their first run; empty if the device has no timestamps.
     pub(super) stages: Vec<StageMean>,
-    /// Mean loss over the first and over the last pass of the joint phase; null where it did not run.
+    /// Mean loss of the first and of the last pass of the joint phase; null if it did not run.
     pub(super) joint_loss_first: Option<f64>,
     pub(super) joint_loss_last: Option<f64>,
-    /// What was placed, each time.
+    /// Gaussians of each placement.
     pub(super) placements: Vec<Placement>,
-    /// The test photos were worse than those of the base, and no budget was given: the output is the base as it was, and all else that is
-    /// told of Gaussians and gains is of what was made.
+    /// Whether the output is the original base, because the test photos were worse and no budget was given.
+    /// Other fields then describe the discarded augmentation.
     pub(super) discarded: bool,
-    /// On the test views; null where there are none.
+    /// Gain on the test views; null if there are none.
     pub(super) gain: Option<Gain>,
 }
 
@@ -74,32 +74,34 @@ pub(super) struct Placement {
     pub(super) plain: u32,
 }
 
-/// What the test views, which nothing was learned from, say of an augmentation.
+/// Gain of an augmentation on the test views, which no training used.
 #[derive(Serialize)]
 pub(super) struct Gain {
     views: usize,
-    /// The base as it was given.
+    /// Quality of the original base.
     pub(super) before: Quality,
     pub(super) after: Quality,
-    /// The `vertex` part of the result, which other viewers show: the base as it was given where what it became is worse alone.
+    /// Quality of the `vertex` part, as other viewers show it. This is the original base if the changed one
+    /// is worse alone.
     pub(super) base_alone: Quality,
-    /// What the base gains by as many more steps alone, dB; null where that is not known.
+    /// Gain of as many steps of longer training, dB; null if unknown.
     pub(super) longer_training: Option<Longer>,
 }
 
-/// What longer training gains, dB.
+/// Gain of longer training, dB.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(super) struct Longer {
     psnr: f64,
-    /// On the test views, by training the base for as many steps; else it is an estimate from its first steps, of the training views.
+    /// Whether it was measured on the test views, by training the base for as many steps. Otherwise it is
+    /// an estimate from the first steps, on the training views.
     measured: bool,
 }
 
-/// A joint phase that took no longer is repeated without what was added, to measure what longer training gains. That doubles a short
-/// run; one of minutes is not worth its control each time.
+/// Maximum duration of a joint phase that is repeated without the added Gaussians, to measure longer
+/// training. That doubles a short run; for a long one the control costs too much.
 const REPEATED: Duration = Duration::from_secs(30);
 
-/// Trains the base on as a joint phase does, with nothing added.
+/// Trains the base longer, as in a joint phase with nothing added.
 pub(in crate::cli) fn train_longer(
     session: &Session,
     base: &Scene,
@@ -138,25 +140,26 @@ impl Seconds {
 }
 
 impl Report<'_> {
-    /// For people, in place of JSON.
+    /// Formats the report as text.
     pub(super) fn text(&self, method: Method) -> String {
         let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = self;
         let times = match method {
             Method::Pursuit => format!("weighing {:.1} s, placing {:.1} s", seconds.weigh, seconds.place),
-            Method::Augs => format!("2D phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
+            Method::Augs => format!("screen phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
         };
         let plain = match self.plain_gaussians {
             0 => String::new(),
-            plain => format!(" and {plain} plain ones"),
+            plain => format!(" and {}", counted(plain as usize, "plain Gaussian")),
         };
         let faded = match self.faded_gaussians {
             0 => String::new(),
             faded => format!(", without {faded} that faded"),
         };
-        let discarded = if self.discarded { " were made and discarded: it is the base as it was" } else { "" };
+        let discarded = if self.discarded { ", discarded: the file has the original base" } else { "" };
         format!(
-            "{output}: {supplementary_gaussians} supplementary Gaussians{plain} on {base_gaussians}{faded}{discarded}\n\
+            "{output}: {}{plain} on a base of {base_gaussians}{faded}{discarded}\n\
              base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
+            counted(*supplementary_gaussians as usize, "supplementary Gaussian"),
             seconds.base,
             seconds.join,
             gain.as_ref().map_or(String::new(), Gain::text)
@@ -164,12 +167,13 @@ impl Report<'_> {
     }
 }
 
-/// What a step of the joint phase took.
+/// Mean times of the stages in a joint step.
 pub(in crate::cli) fn joint_stages(found: &Enhanced) -> Vec<StageMean> {
     found.join.as_ref().map_or_else(Vec::new, |join| StageMean::all(&join.steps.milliseconds()))
 }
 
-/// Compares the base and what became of it with the test views. `repeat` says whether a short joint phase may be repeated.
+/// Compares the base and the result with the test views. `repeat` tells whether a short joint phase may be
+/// repeated.
 pub(super) fn gain(
     session: &Session,
     base: &Scene,
@@ -191,7 +195,7 @@ pub(super) fn gain(
     };
     let comparing = bar(2);
     let before = match compare(base, &comparing) {
-        // The scene is written: that nothing can be said of it is no failure.
+        // The scene is already written, so a failed comparison is not an error.
         Err(Error::Usage(why)) => {
             note(why);
             return Ok(None);
@@ -212,7 +216,7 @@ pub(super) fn gain(
             .and_then(|(longer, _)| Ok(compare(&longer, &bar(1))?.augmented.psnr - before.psnr));
         match measured {
             Ok(psnr) => longer_training = Some(Longer { psnr, measured: true }),
-            // The augmentation is made and judged all the same.
+            // The augmentation is complete without this control.
             Err(error) => note(format!("longer training was not measured: {error}")),
         }
     }
@@ -223,8 +227,8 @@ impl Gain {
     fn text(&self) -> String {
         let Gain { views, before, after, base_alone, longer_training } = self;
         let longer = longer_training.map_or(String::new(), |Longer { psnr, measured }| {
-            let how = if measured { "measured" } else { "estimated from its first steps, training views" };
-            format!("longer training in its place, as many steps: {psnr:+.2} dB ({how})\n")
+            let how = if measured { "measured" } else { "estimated from its first steps, on the training views" };
+            format!("longer training instead, same number of steps: {psnr:+.2} dB ({how})\n")
         });
         format!(
             "{}: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\

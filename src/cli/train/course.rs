@@ -1,4 +1,4 @@
-//! The loop of a training run: steps, checkpoints, evaluations, and its end by steps, by time or by Ctrl-C.
+//! Training loop: steps, checkpoints, evaluations, and the end by steps, by time or by Ctrl-C.
 
 use std::time::{Duration, Instant};
 
@@ -29,18 +29,18 @@ use crate::{
     scene::{Scene, color},
 };
 
-/// What a run is, for any number of steps.
+/// Course of a run for any number of steps.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Course {
     pub(super) sh_degree: u32,
-    /// Of [`BaseOptions`].
+    /// See [`BaseOptions::begins`].
     pub(super) begins: f64,
     pub(super) strategy: Strategy,
     /// Gaussians at the start.
     pub(super) first: u32,
-    /// As many as it may come to.
+    /// Maximum number of Gaussians.
     pub(super) most: u32,
-    /// How often the sides of photos are halved at first.
+    /// Number of times that the sides of photos are halved at first.
     pub(super) halvings: u32,
 }
 
@@ -53,32 +53,33 @@ impl Course {
         DensityOptions { strategy: self.strategy, limit: self.most, first: self.first, iterations }
     }
 
-    /// How long a step takes where a fraction of `iterations` steps is done, as a multiple of what any takes.
+    /// Relative duration of a step, by the fraction of `iterations` steps that is done.
     pub(super) fn cost(self, iterations: u32) -> impl Fn(f64) -> f64 + Copy {
         let (whole, control) = (self.options(1), self.density(iterations));
         move |part| step_cost(halvings_at(whole.part_of(part), self.halvings), control.share(part))
     }
 }
 
-/// How long a step takes on photos whose sides are halved so many times, and by a share of the Gaussians, as a part of one on photos in
-/// full by all: a quarter of it is by Gaussian (0.17 to 0.3 of it, at 224 to 800 pixels and as many Gaussians as docs/benchmarks.md has there), and
-/// all of it grows with the root of the Gaussians, nearly (docs/benchmarks.md: by 0.47).
+/// Relative duration of a step on photos halved `halvings` times, with this share of the final Gaussians. A
+/// quarter of a full step is spent on Gaussians: 0.17 to 0.3 at 224 to 800 pixels and the numbers of
+/// Gaussians in docs/benchmarks.md. The whole grows with about the root of the number of Gaussians
+/// (docs/benchmarks.md: exponent 0.47).
 fn step_cost(halvings: u32, gaussians: f64) -> f64 {
     0.25 * gaussians + 0.75 * 0.25f64.powi(halvings as i32) * gaussians.powf(0.3)
 }
 
-/// Where a run is.
+/// Position in a run.
 #[derive(Clone, Copy)]
 pub(super) struct At {
-    /// Steps that are done, of so many in all.
+    /// Steps done.
     pub(super) done: u32,
     pub(super) total: u32,
-    /// Steps that were taken: with --time the others leap when it is planned anew.
+    /// Steps executed. With --time, `done` changes when the run is replanned.
     pub(super) taken: u32,
 }
 
 impl At {
-    /// Once so many are done.
+    /// Position after `done` steps.
     fn after(self, done: u32) -> At {
         At { done, taken: self.taken + (done - self.done), ..self }
     }
@@ -87,25 +88,23 @@ impl At {
         self.done < self.total
     }
 
-    /// What became of a run by --time that one would not expect.
+    /// Prints notes on a run with --time that fell short of its schedule.
     fn tell_of_time(self, photos: usize) {
         let At { done, total, taken } = self;
         if self.is_going_on() {
             let part = 100.0 * f64::from(done) / f64::from(total);
             note(format!(
-                "the time was over after {part:.0} % of the schedule: the last steps were slower than estimated"
+                "the time ended after {part:.0} % of the schedule: the last steps were slower than estimated"
             ));
         }
         if (taken as usize) < photos {
             let (steps, photos) = (counted(taken as usize, "step"), counted(photos, "photo"));
-            note(format!(
-                "there was time for {steps} only, and there are {photos}: the scene has hardly begun to learn"
-            ));
+            note(format!("there was time for only {steps}, but there are {photos}: the scene is hardly trained"));
         }
     }
 }
 
-/// A run that is going on.
+/// Run in progress.
 pub(super) struct Training<'a> {
     pub(super) args: &'a Args,
     pub(super) session: &'a Session,
@@ -122,30 +121,30 @@ pub(super) struct Training<'a> {
     pub(super) clocks: Clocks,
 }
 
-/// What a run has taken so far.
+/// Times of a run.
 pub(super) struct Clocks {
-    /// When its photos were begun to be read.
+    /// Start of reading photos.
     pub(super) began: Instant,
-    /// When its loop began.
+    /// Start of the loop.
     pub(super) started: Instant,
-    /// Of the runs before it.
+    /// Time of earlier runs.
     pub(super) spent: Duration,
-    /// Evaluations, which count for nothing.
+    /// Time of evaluations, which do not count.
     pub(super) evaluating: Duration,
 }
 
 impl Clocks {
-    /// Of the loop alone.
+    /// Time of the loop alone, seconds.
     fn seconds(&self) -> f64 {
         (self.started.elapsed() - self.evaluating).as_secs_f64()
     }
 }
 
 impl Training<'_> {
-    /// Trains until the end, or until one is asked for, and writes the scene. How many Gaussians it has.
+    /// Trains until the end or an interrupt, and writes the scene. Returns its number of Gaussians.
     pub(super) fn drive(&mut self, interrupt: &Interrupt, look_at: &mut Look<'_>) -> Result<usize> {
         let mut looks_at = self.next_evaluation();
-        // A run that ended just when it was to be looked at is looked at now.
+        // A run that was interrupted just before an evaluation does it now.
         let due = |every| self.at.taken > 0 && self.at.is_going_on() && self.at.taken.is_multiple_of(every);
         if self.args.eval_every.is_some_and(due) {
             self.evaluate(&self.model.download()?)?;
@@ -179,7 +178,7 @@ impl Training<'_> {
         Ok(scene.base.len())
     }
 
-    /// Tells how it gets on once so many steps are done, keeps what is due to be kept and plans the rest of a run by time anew.
+    /// Reports progress after `done` steps, writes due checkpoints, and replans a run by time.
     fn advanced(&mut self, done: u32, look_at: &mut Look<'_>) -> Result<()> {
         self.at = self.at.after(done);
         let At { taken, total, .. } = self.at;
@@ -212,12 +211,12 @@ impl Training<'_> {
         Ok(())
     }
 
-    /// The step at which the run is to be looked at next.
+    /// Step of the next evaluation.
     fn next_evaluation(&self) -> Option<u32> {
         self.args.eval_every.map(|every| (self.at.taken / every + 1).saturating_mul(every))
     }
 
-    /// Compares `scene` with the test photos, once at a step, also if the run begins or ends there. How long it took.
+    /// Evaluates `scene` on the test photos, at most once for each step. Returns the time this took.
     fn evaluate(&mut self, scene: &Scene) -> Result<Duration> {
         let Some(history) = self.history.as_mut().filter(|history| !history.has(self.at.taken)) else {
             return Ok(Duration::ZERO);
@@ -242,21 +241,21 @@ impl Training<'_> {
         Ok(found)
     }
 
-    /// Keeps what it can of a run that ended with `error`, which it gives back.
+    /// Saves a checkpoint if it can after `error`, and returns the error.
     pub(super) fn fail(mut self, error: Error) -> Error {
         let found = self.checkpoint();
         drop(self.bar);
         self.kept.keep_after(error, found)
     }
 
-    /// Tells what became of a run that began with `had` steps of an earlier one, and wrote so many Gaussians.
+    /// Prints the report of a run that resumed after `had` steps and wrote this number of Gaussians.
     pub(super) fn finish(self, had: u32, gaussians: usize, interrupt: Interrupt) -> Outcome {
         let Training { args, session, course, mut trainer, kept, bar, at, clocks, .. } = self;
         let (context, photos) = (&session.context, self.views.cameras.len());
         let trained = trainer.stop()?;
         let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
         let device_megabytes = context.memory().most_used as f64 / 1e6;
-        // What was on its way when an end was asked for is done, too.
+        // Steps that were in flight at the interrupt are done, too.
         let at = at.after(trained.losses.len() as u32);
         let ended = interrupt.asked() && at.is_going_on();
         let seconds = clocks.seconds();
@@ -295,18 +294,18 @@ impl Training<'_> {
             stages: StageMean::all(&stages),
         };
         if let Some(largest) = largest_exposure {
-            note(format!("exposure: the photos' colour maps differ from none by at most {largest:.3}"));
+            note(format!("exposure: the photos' color maps differ from the identity by at most {largest:.3}"));
         }
         match args.json {
             true => print_json(&report)?,
             false => print(report.text(course.sh_degree))?,
         }
         if ended {
-            // With --time nobody knows how many there would have been.
+            // With --time, the final number of steps is unknown.
             let of = args.time.map_or(format!(" of {}", at.total), |_| String::new());
             let (taken, output) = (at.taken, report.output);
             let what = format!(
-                "ended after {taken}{of} steps; {output} has what was learned in them, and the same command resumes there"
+                "interrupted after {taken}{of} steps; {output} has their result; run the same command to resume"
             );
             return Err(Failure::Interrupted(what));
         }
@@ -315,7 +314,7 @@ impl Training<'_> {
 }
 
 impl Report<'_> {
-    /// For people, in place of JSON.
+    /// Formats the report as text.
     fn text(&self, sh_degree: u32) -> String {
         let Report { output, device, seconds, steps_per_second, final_loss, .. } = self;
         format!(
@@ -332,13 +331,13 @@ fn mean_loss(pass: &[f32]) -> f64 {
     pass.iter().map(|&l| f64::from(l)).sum::<f64>() / pass.len().max(1) as f64
 }
 
-/// The largest difference of an entry of these maps from the identity's.
+/// Largest difference between an entry of these maps and the identity.
 fn farthest(maps: &[[f32; 12]]) -> f32 {
     let off = |map: &[f32; 12]| map.iter().zip(IDENTITY).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     maps.iter().map(off).fold(0.0, f32::max)
 }
 
-/// The first and the last pass through the photos and eight between them, with their numbers of steps.
+/// The first pass through the photos, the last one and eight between them, with their step numbers.
 fn passes(losses: &[f32], photos: usize) -> Vec<(String, &[f32])> {
     let all: Vec<&[f32]> = losses.chunks(photos.max(1)).collect();
     let shown = all.len().min(10);

@@ -1,4 +1,4 @@
-//! What a training run begins with, and how far it may grow.
+//! Initial Gaussians of a training run, and their maximum number.
 
 use glam::DVec3;
 
@@ -14,39 +14,41 @@ use crate::{
     scene::{Camera, Gaussians, Scene, color, from_points},
 };
 
-/// Where nobody says how many Gaussians there may be, they are so many times the points at the start.
+/// Default maximum number of Gaussians, relative to the points at the start.
 const GROWTH: usize = 4;
-/// But no more than one for so many pixels of the training photos, which would explain noise, and no fewer than one for so many others, which
-/// leaves NeRF Synthetic at 800 pixels as many as 3DGS comes to.
+/// Pixels of the training photos for each Gaussian: the first bounds the default number from above, since
+/// more would explain noise. The second bounds it from below; it gives NeRF Synthetic at 800 pixels as many
+/// as 3DGS has.
 const PIXELS_EACH: [u64; 2] = [16, 256];
-/// And no more than have room in this part of the memory, with what is by intersection.
+/// Share of the memory for Gaussians and their intersections.
 const MEMORY_PART: f64 = 0.75;
-/// Bytes of a photo's pixel, which is one word, and a half more for smaller ones beside it.
+/// Bytes of a photo's pixel: one word, and half as much for smaller copies.
 const PIXEL_BYTES: f64 = 6.0;
-/// Bytes of a Gaussian beside what it learns: 52 of its splat and 40 of each of some six intersections (`tests/model.rs` holds these), scores.
+/// Bytes of a Gaussian beyond its learned ones: 52 of its splat, 40 for each of about six intersections
+/// (checked by `tests/model.rs`), and scores.
 const WORKING_BYTES: u64 = 320;
 
-/// What points without colours begin with.
+/// Initial color of points without colors.
 const GREY: [u8; 3] = [128; 3];
-/// The lightest black, of 255.
+/// Largest channel value that counts as black, of 255.
 const BLACK: u8 = 31;
 
-/// What a run begins with.
+/// Initial state of a run.
 pub(super) struct First {
     pub(super) gaussians: Gaussians,
-    /// What their means count from, in the world.
+    /// Origin of the means, in the world.
     pub(super) origin: DVec3,
-    /// As many as it may come to.
+    /// Maximum number of Gaussians.
     pub(super) most: usize,
-    /// Of [`BaseOptions`](super::BaseOptions).
+    /// See [`BaseOptions::begins`](super::BaseOptions::begins).
     pub(super) begins: f64,
-    /// What the user would not expect of it.
+    /// Notes for the user.
     pub(super) notes: Vec<String>,
 }
 
 impl First {
-    /// For where nobody asked for so many: no more than there is room for on a device. A Gaussian that learns takes so many bytes, photos of
-    /// so many pixels are there, too.
+    /// Limits a default maximum to the device's memory and returns a note if it did. A Gaussian takes
+    /// `bytes` to learn; the photos have `pixels`.
     pub(super) fn fit(&mut self, context: &Context, bytes: u64, pixels: u64) -> Option<String> {
         let fit = fit(context.memory_at_most(), bytes, pixels);
         let (first, most) = (self.gaussians.len(), self.most);
@@ -54,23 +56,23 @@ impl First {
             return None;
         }
         self.most = fit.max(first);
-        Some(format!("at most {} Gaussians, as many as find room in the device's memory", self.most))
+        Some(format!("at most {} Gaussians, because the device's memory holds no more", self.most))
     }
 }
 
-/// Gaussians that find room in so much memory, each with so many bytes of what it learns, beside photos of so many pixels.
+/// Number of Gaussians that fit in `memory`, each with `bytes` to learn, next to photos of `pixels`.
 fn fit(memory: u64, bytes: u64, pixels: u64) -> usize {
     let room = MEMORY_PART * memory as f64 - PIXEL_BYTES * pixels as f64;
     (room.max(0.0) / (bytes + WORKING_BYTES) as f64) as usize
 }
 
-/// Gaussians of a run that begins with so many points and whose training photos have so many pixels.
+/// Default maximum number of Gaussians, by the points at the start and the pixels of the training photos.
 fn most(points: usize, pixels: u64) -> usize {
     let [greatest, least] = PIXELS_EACH.map(|each| (pixels / each) as usize);
     (GROWTH * points).max(least).min(greatest.max(points)).min(u32::MAX as usize)
 }
 
-/// Of all numbers of these Gaussians.
+/// Checksum of all numbers of these Gaussians.
 pub(super) fn checksum(of: &Gaussians) -> u32 {
     let Gaussians { sh_degree, means, log_scales, quats, opacities, sh } = of;
     let mut all = crc32fast::Hasher::new();
@@ -84,7 +86,7 @@ pub(super) fn checksum(of: &Gaussians) -> u32 {
 }
 
 impl Args {
-    /// The scene that the run begins with, if it does not begin with points.
+    /// Scene given by --init, unless it is a file of points.
     pub(super) fn init_scene(&self) -> Result<Option<SceneFile>> {
         match &self.init {
             Some(file) if file.is_dir() || !is_point_cloud(file)? => self.lenient.open_file(file).map(Some),
@@ -92,7 +94,7 @@ impl Args {
         }
     }
 
-    /// What the run begins with: a file's Gaussians or points, the dataset's points, or random ones.
+    /// Initial Gaussians: those of a file, or made from its points, the dataset's points, or random ones.
     pub(super) fn first(&self, dataset: &mut Dataset, init: Option<SceneFile>) -> Result<First> {
         let limit = self.gaussians.map(|n| n as usize);
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
@@ -102,7 +104,7 @@ impl Args {
             (Some(file), None) => {
                 let cloud = read_points(file, &mut notes)?;
                 if cloud.positions.is_empty() {
-                    return Err(Error::input(file, "has no points to begin with"));
+                    return Err(Error::input(file, "has no points to start from"));
                 }
                 dataset.points = Some(cloud);
                 "points in the file"
@@ -114,10 +116,10 @@ impl Args {
                     return Err(Error::input(file, what));
                 }
                 if self.points.is_some() {
-                    return Err(Error::input(file, "holds Gaussians, and --points is for points"));
+                    return Err(Error::input(file, "holds Gaussians, but --points is only for points"));
                 }
                 if base.is_empty() {
-                    return Err(Error::input(file, "has no Gaussians to begin with"));
+                    return Err(Error::input(file, "has no Gaussians to start from"));
                 }
                 if let Some(left) = supplement.filter(|supplement| !supplement.gaussians.is_empty()) {
                     let left = left.gaussians.len();
@@ -126,10 +128,10 @@ impl Args {
                 let [had, has] = [base.sh_degree, self.degree()].map(color::of);
                 if base.sh_degree != 0 && !had.shares_with(has) {
                     let (had, has) = (had.name, has.name);
-                    notes.push(format!("{}: of its {had} only the constant is kept, for {has}", file.display()));
+                    notes.push(format!("{}: only the constant of its {had} is used, for {has}", file.display()));
                 }
                 let gaussians = base.with_degree(self.degree());
-                // Whoever made them chose their number.
+                // The file's author chose their number.
                 let most = limit.unwrap_or(gaussians.len());
                 return Ok(First { most, gaussians, origin, begins: LEARNED, notes });
             }
@@ -138,7 +140,7 @@ impl Args {
         let wanted = [self.points, self.gaussians].into_iter().flatten().min();
         let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
         let mut place = "";
-        // The other strategies' papers begin with as many points as they say, anywhere.
+        // The papers of the other strategies place their full number of points anywhere.
         if first.sparse.is_none() && self.strategy == Strategy::Budget {
             let few = match self.points {
                 Some(_) => first.cloud.positions.len(),
@@ -154,8 +156,8 @@ impl Args {
         let far = (origin != DVec3::ZERO).then(|| {
             let [x, y, z] = origin.to_array();
             format!(
-                "the cameras stand far from the world's origin: positions count from ({x}, {y}, {z}), which the file says in a comment \
-                 that glint reads; to other programs the scene lies at the origin"
+                "the cameras are far from the world's origin: positions count from ({x}, {y}, {z}). The file stores \
+                 this in a comment that glint reads; other programs show the scene at the origin"
             )
         });
         let said = match (first.sparse, self.points) {
@@ -175,14 +177,15 @@ impl Args {
     }
 }
 
-/// Tools that do not know the colours of points write them black. If all points have one colour that is black or nearly, they begin grey.
+/// Sets the color of points to gray if all have the same color and it is nearly black. Tools that do not
+/// know the colors of points write black.
 fn grey_if_all_are_black(cloud: &mut PointCloud, points: &str) -> Option<String> {
     let one = *cloud.colors.first()?;
     if one.iter().any(|&channel| channel > BLACK) || cloud.colors.iter().any(|color| *color != one) {
         return None;
     }
     cloud.colors.fill(GREY);
-    Some(format!("all {points} have the colour {one:?}, as points without colours have: they begin grey"))
+    Some(format!("all {points} have the color {one:?}, like points without colors: they start gray"))
 }
 
 #[cfg(test)]
@@ -191,10 +194,10 @@ mod tests {
 
     #[test]
     fn a_scene_may_grow_as_far_as_memory_goes() {
-        // 680 learned bytes each: three quarters of 4 GB hold as many thousands as there are megabytes of room.
+        // With 680 learned bytes each, three quarters of 4 GB hold 1,000 Gaussians for each MB of room.
         assert_eq!(fit(4_000_000_000, 680, 0), 3_000_000);
         assert_eq!(fit(4_000_000_000, 680, 100_000_000), 2_400_000);
-        // Where photos take all, none.
+        // Zero if the photos take all memory.
         assert_eq!([fit(4_000_000_000, 680, 1 << 40), fit(0, 680, 0)], [0; 2]);
     }
 
@@ -204,7 +207,7 @@ mod tests {
             |colors: &[[u8; 3]]| PointCloud { positions: vec![[0.0; 3]; colors.len()], colors: colors.to_vec() };
         let mut black = cloud(&[[0; 3]; 3]);
         let note = grey_if_all_are_black(&mut black, "sparse points").unwrap();
-        assert!(black.colors == [GREY; 3] && note.contains("all sparse points have the colour [0, 0, 0]"), "{note}");
+        assert!(black.colors == [GREY; 3] && note.contains("all sparse points have the color [0, 0, 0]"), "{note}");
         assert!(grey_if_all_are_black(&mut cloud(&[[31, 0, 9]; 2]), "points").is_some());
         for colors in [&[[0; 3], [0, 0, 1]][..], &[[32, 0, 0]; 3], &[[255; 3]; 2], &[GREY; 2], &[]] {
             let mut known = cloud(colors);
@@ -214,13 +217,13 @@ mod tests {
 
     #[test]
     fn a_scene_may_grow_by_its_points_and_pixels() {
-        // fox, horns and garden at 128 pixels; lego at 800; garden in full.
+        // fox, horns and garden at 128 pixels; lego at 800; garden at full size.
         assert_eq!(most(9216, 396_288), 24_768);
         assert_eq!(most(5413, 663_552), 21_652);
         assert_eq!(most(30_000, 2_637_824), 120_000);
         assert_eq!(most(25_000, 64_000_000), 250_000);
         assert_eq!(most(138_766, 175_000_000), 683_593);
-        // More points than pixels are not fewer.
+        // The initial points are never reduced, even if they outnumber the pixels.
         assert_eq!([most(300, 100), most(0, 16)], [300, 0]);
     }
 }

@@ -1,28 +1,28 @@
-//! How the camera moves: round a point, freely, or on the ground.
+//! Camera motion in the window: orbiting a point, flying, or walking on the ground.
 
 use glam::{DMat3, DVec3};
 
 use crate::scene::Camera;
 
-/// Radians that a drag over the window's height turns the view.
+/// Turn of the view for a drag over the window's height, radians.
 const TURN: f64 = 2.0;
-/// The view keeps so far from straight up and straight down, radians: there left and right would change places.
+/// Minimum angle to straight up and straight down, radians. At the poles, left and right would swap.
 const POLE: f64 = 0.02;
-/// What a notch of the wheel does to the distance or the speed.
+/// Factor of the distance or the speed for a notch of the wheel.
 const NOTCH: f64 = 1.15;
-/// The distance of the point that is orbited in a second, at first.
+/// Initial speed, in orbit distances per second.
 const SPEED: f64 = 0.5;
-/// Nearest and farthest that the wheel brings the point, in distances at first.
+/// Range of the distance and speed set by the wheel, relative to their initial values.
 const REACH: [f64; 2] = [1e-3, 1e3];
 
-/// What mouse and keys do.
+/// Effect of mouse and keys.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Motion {
-    /// The mouse goes round a point.
+    /// The mouse orbits a point.
     Orbit,
-    /// The mouse looks around; keys go where the view goes.
+    /// The mouse looks around; keys move along the view.
     Fly,
-    /// The mouse looks around; keys go over the ground.
+    /// The mouse looks around; keys move along the ground.
     Walk,
 }
 
@@ -36,23 +36,23 @@ impl Motion {
     }
 }
 
-/// Where the camera is and how it moves.
+/// Camera and its state of motion.
 #[derive(Debug, Clone)]
 pub(super) struct Flight {
     pub(super) motion: Motion,
     camera: Camera,
-    /// Of unit length.
+    /// Upward direction, of unit length.
     up: DVec3,
-    /// The point that is orbited lies so far before the camera, scene units.
+    /// Distance from the camera to the orbited point ahead of it, scene units.
     distance: f64,
-    /// The distance that was natural at first.
+    /// Initial distance.
     scale: f64,
-    /// Scene units a second.
+    /// Speed, scene units per second.
     speed: f64,
 }
 
 impl Flight {
-    /// At `camera`, looking at what is near `pivot`.
+    /// Starts at `camera`, looking at a point near `pivot`.
     pub(super) fn new(camera: Camera, pivot: DVec3, up: DVec3) -> Self {
         let mut flight = Flight {
             motion: Motion::Orbit,
@@ -72,11 +72,11 @@ impl Flight {
         &self.camera
     }
 
-    /// To another camera; what it looks at near `pivot` is orbited from then on.
+    /// Moves to another camera; the point it looks at near `pivot` becomes the orbited one.
     pub(super) fn jump(&mut self, camera: Camera, pivot: DVec3) {
         self.camera = camera;
         let (ahead, away) = ((pivot - camera.eye()).dot(self.forward()), pivot.distance(camera.eye()));
-        // A camera that looks past the point orbits what is as far.
+        // A camera that looks past the point orbits a point at the same distance.
         let distance = if ahead > 0.1 * away { ahead } else { away };
         self.distance = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
     }
@@ -86,20 +86,21 @@ impl Flight {
     }
 
     fn place(&mut self, rotation: DMat3, eye: DVec3) {
-        // Many small turns leave a rotation.
+        // Orthonormalizes the rotation, which many small turns would distort.
         let z = rotation.row(2).normalize();
         let x = (rotation.row(0) - rotation.row(0).dot(z) * z).normalize();
         self.camera.rotation = DMat3::from_cols(x, z.cross(x), z).transpose();
         self.camera.translation = -(self.camera.rotation * eye);
     }
 
-    /// The mouse was dragged so many of the window's heights to the right and down.
+    /// Drags by fractions of the window's height, to the right and down.
     pub(super) fn drag(&mut self, right: f64, down: f64) {
         let eye = self.camera.eye();
         let pivot = eye + self.distance * self.forward();
-        // The view turns right and down with the mouse; round a point, what is before it then follows the mouse.
+        // The view turns right and down with the mouse. In an orbit, points in front of the pivot follow
+        // the mouse.
         let from_pole = self.forward().dot(self.up).clamp(-1.0, 1.0).acos();
-        // Beyond the poles, where a photograph's camera may be, a drag brings the view back, and no farther.
+        // A photo's camera may be beyond a pole. A drag then only brings the view back.
         let (least, most) = (from_pole.min(POLE), from_pole.max(std::f64::consts::PI - POLE));
         let pitch = (from_pole + TURN * down).clamp(least, most) - from_pole;
         let across = self.up.cross(self.forward()).try_normalize().unwrap_or(-self.camera.rotation.row(0));
@@ -112,14 +113,15 @@ impl Flight {
         self.place(rotation, eye);
     }
 
-    /// The scene follows a mouse that was dragged so many pixels of the camera's picture.
+    /// Moves the scene with the mouse, by pixels of the camera's picture.
     pub(super) fn pan(&mut self, right: f64, down: f64) {
         let Camera { rotation, fx, fy, .. } = self.camera;
         let moved = rotation.row(0) * (right / fx) + rotation.row(1) * (down / fy);
         self.place(rotation, self.camera.eye() - self.distance * moved);
     }
 
-    /// The wheel was turned away by so many notches. Whether the camera moved: in flight only its speed changes.
+    /// Turns the wheel away by `notches`. Returns whether the camera moved; in flight only its speed
+    /// changes.
     pub(super) fn wheel(&mut self, notches: f64) -> bool {
         match self.motion {
             Motion::Orbit => {
@@ -138,7 +140,7 @@ impl Flight {
         }
     }
 
-    /// Keys are held for `seconds`: steps to the right, up and ahead, each −1, 0 or 1 (more in a hurry).
+    /// Moves by keys held for `seconds`: to the right, up and ahead, each −1, 0 or 1 (more with Shift).
     pub(super) fn go(&mut self, [right, up, ahead]: [f64; 3], seconds: f64) {
         let Camera { rotation, .. } = self.camera;
         let flat = |v: DVec3| (v - v.dot(self.up) * self.up).normalize_or_zero();
@@ -155,7 +157,7 @@ impl Flight {
 mod tests {
     use super::*;
 
-    /// 4 units before the origin, looking at it, y down.
+    /// Camera 4 units before the origin, looking at it, with y down.
     fn flight() -> Flight {
         let camera = Camera {
             width: 64,
@@ -188,7 +190,7 @@ mod tests {
             // Never upside down.
             assert!(camera.rotation.row(1).dot(DVec3::NEG_Y) <= 0.0);
         }
-        // It came back from the pole.
+        // The camera has left the pole.
         assert!(flight.forward().dot(DVec3::NEG_Y) > 0.9);
     }
 
@@ -202,7 +204,7 @@ mod tests {
         flight.drag(0.0, 0.05);
         let level = flight.forward().dot(DVec3::NEG_Y).asin();
         assert!((level.abs() - 0.05 * TURN).abs() < 1e-9, "{level}");
-        // 4 units before its point is where it began.
+        // The initial distance is 4 units.
         let mut orbit = self::flight();
         orbit.wheel(-1e3);
         assert!((orbit.camera().eye().length() / (4.0 * REACH[1]) - 1.0).abs() < 1e-9);
@@ -216,13 +218,13 @@ mod tests {
 
     #[test]
     fn a_drag_takes_what_is_under_the_mouse_along() {
-        // A point before the pivot goes to the right and down.
+        // A point before the pivot moves to the right and down.
         let near = DVec3::new(0.0, 0.0, -1.0);
         let mut orbit = flight();
         orbit.drag(0.05, 0.05);
         let (x, y, _) = orbit.camera().project(near);
         assert!(x > 32.5 && y > 24.5, "{x} {y}");
-        // In flight the view goes there, and what is seen goes the other way.
+        // In flight the view turns there, and the scene moves the other way.
         let mut fly = flight();
         fly.motion = Motion::Fly;
         fly.drag(0.05, 0.05);
@@ -260,7 +262,7 @@ mod tests {
         assert!(flight.camera().eye().length() >= 4.0 * REACH[0] * 0.999 && is_rotation(flight.camera()));
         flight.motion = Motion::Walk;
         let (speed, camera) = (flight.speed, *flight.camera());
-        // Nor has the camera left where a photograph was taken.
+        // The camera has not left the photo's pose.
         assert!(!flight.wheel(2.0));
         assert!((flight.speed - speed * NOTCH * NOTCH).abs() < 1e-12);
         assert_eq!(*flight.camera(), camera);
@@ -276,7 +278,7 @@ mod tests {
         };
         flight.jump(camera, DVec3::ZERO);
         assert_eq!(*flight.camera(), camera);
-        // The origin lies 3 units ahead of it, and beside it.
+        // The origin lies 3 units ahead, and to the side.
         assert!((flight.distance - 3.0).abs() < 1e-12);
         flight.jump(camera, camera.eye());
         assert_eq!(flight.distance, 1.0);

@@ -1,4 +1,4 @@
-//! `glint view`: a window that a scene is looked at through.
+//! `glint view`: shows a scene in a window.
 
 mod flight;
 mod scenery;
@@ -22,21 +22,21 @@ Keys:
   n, p           camera of the next, the previous photograph (with a DATASET)
   o, f, g        orbit a point, fly, walk on the ground
   w a s d, q e   ahead, left, back, right, down, up; with Shift four times as fast
-  r              back to where it began
+  r              back to the first camera
   c              take a screenshot: SCENE-0001.png in the folder --output
   k, Shift-K     add this pose to the camera path, save the path: SCENE-path-1.json
-  t              time the stages of a frame, shown when the picture stands still
+  t              time the stages of a frame; shown when the camera rests
   Escape         quit
 
-Mouse: the left button turns, the right or middle one shifts, the wheel goes nearer (orbit) or sets the speed (fly, walk). A \
-file that is dropped on the window takes the scene's place.
+Mouse: the left button turns, the right or middle button moves, the wheel moves nearer (orbit) or sets the speed (fly, walk). \
+A file dropped on the window replaces the scene.
 
-The title has what is shown, the time of the last frame on the device, the Gaussians (base + supplement), the device memory in \
-use, and what just happened. Screenshots and paths are named on stdout; none replaces a file that is there.
+The title shows the mode, the device time of the last frame, the Gaussians (base + supplement), the device memory in use, and \
+the last action. Names of screenshots and paths are printed to stdout; existing files are not replaced.
 
-Photograph and error (bright: a mean error of 0.25 or more) are shown from a photograph's camera only; diffuse, specular, depth \
-and error are what `glint render` and `glint report` make, on the CPU. A window of another shape than \
-the photograph shows more around it, black or grey in photograph and error.
+Photograph and error (bright: a mean error of 0.25 or more) are shown only from a photo's camera. Diffuse, specular, depth and \
+error are computed on the CPU, as in `glint render` and `glint report`. If the window has another shape than the photo, it \
+shows more around it, black or gray in photograph and error.
 
 Examples:
   glint view base.ply
@@ -50,15 +50,15 @@ Examples:
 pub(super) struct Args {
     /// Scene, in any format that glint reads
     scene: PathBuf,
-    /// Folder or JSON file of the dataset whose cameras and photographs are used
+    /// Folder or JSON file of the dataset with cameras and photos
     dataset: Option<PathBuf>,
-    /// The window's size, pixels [default: that of the first photograph, else 1280x720]
+    /// Size of the window, pixels [default: that of the first photo, else 1280x720]
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<[u32; 2]>,
-    /// The axis that points up, of x, -x, y, -y, z and -z [default: what the photographs have above, else -y as in COLMAP's scenes]
+    /// Axis that points up: x, -x, y, -y, z or -z [default: from the photos, else -y as in COLMAP's scenes]
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = parse_axis)]
     up: Option<DVec3>,
-    /// Folder for screenshots and camera paths, which must be there
+    /// Folder for screenshots and camera paths; must exist
     #[arg(short, long, value_name = "DIR", default_value = ".")]
     output: PathBuf,
     #[command(flatten)]
@@ -71,7 +71,7 @@ pub(super) struct Args {
     device: DeviceArgs,
 }
 
-/// Shows the scene of a run while it learns.
+/// Shows the scene of a run while it trains.
 pub(super) fn watch<T>(run: &Watched<'_>, work: impl FnOnce(&Context, &mut Look<'_>) -> Outcome<T>) -> Outcome<T> {
     let folder = run.output.parent().filter(|folder| !folder.as_os_str().is_empty());
     let desk = Desk {
@@ -88,7 +88,7 @@ pub(super) fn watch<T>(run: &Watched<'_>, work: impl FnOnce(&Context, &mut Look<
     watch::run(&desk, work)
 }
 
-/// The largest side that can be asked for: what windows and drivers take.
+/// Maximum side of a window, as windowing systems and drivers accept it.
 const MAX_SIDE: u32 = 16_384;
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
@@ -112,10 +112,10 @@ fn parse_axis(text: &str) -> Result<DVec3, String> {
 impl Args {
     pub(super) fn run(&self) -> Outcome {
         if !self.device.twins.is_empty() {
-            return Err(Error::Usage("--twin: twins stand in for no stage of a window's frames".into()).into());
+            return Err(Error::Usage("--twin does not work in a window; use glint render".into()).into());
         }
         if !self.output.is_dir() {
-            return Err(Error::input(&self.output, "expected a folder, for screenshots and camera paths").into());
+            return Err(Error::input(&self.output, "is not a folder, expected a folder for screenshots").into());
         }
         writable(&self.output).map_err(|error| Error::input(&self.output, format!("cannot be written to: {error}")))?;
         let SceneFile { scene, trained_with, .. } = self.lenient.open_file(&self.scene)?;

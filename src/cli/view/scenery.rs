@@ -1,4 +1,4 @@
-//! A scene on the window's device, and the ways to look at it.
+//! Scene on the window's device, and the modes to show it.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -23,7 +23,7 @@ use super::{
     screen::{self, Drawn, IN_FLIGHT, PATIENCE, Screen, Shown, Wanted},
 };
 
-/// What is shown.
+/// Content of the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mode {
     Photograph,
@@ -37,7 +37,7 @@ pub(super) enum Mode {
 }
 
 impl Mode {
-    /// In the order of their keys, from 1 on.
+    /// All modes in the order of their keys, from 1 on.
     pub(super) const ALL: [Mode; 8] = [
         Mode::Photograph,
         Mode::Augmented,
@@ -62,22 +62,22 @@ impl Mode {
         }
     }
 
-    /// From a photograph's camera only.
+    /// Whether the mode works only from a photo's camera.
     pub(super) fn of_photograph(self) -> bool {
         matches!(self, Mode::Photograph | Mode::Error)
     }
 }
 
-/// A photograph in the middle of the window.
+/// Photo in the middle of the window.
 pub(super) struct Fitted {
-    /// 3 bytes a pixel of the window, black around the photograph.
+    /// Pixels of the window, 3 bytes each; black around the photo.
     rgb: Vec<u8>,
-    /// By pixel, whether the photograph says something of it.
+    /// Whether the photo counts, for each pixel.
     counts: Vec<bool>,
 }
 
 impl Fitted {
-    /// As [`Camera::fitted`] has it.
+    /// Fits the photo into the window as [`Camera::fitted`] does.
     pub(super) fn new(image: &Image, [width, height]: [u32; 2]) -> Self {
         let (w, h) = (image.width, image.height);
         let scale = (f64::from(width) / f64::from(w)).min(f64::from(height) / f64::from(h));
@@ -85,7 +85,7 @@ impl Fitted {
         let margin = |side: u32, own: u32| ((f64::from(side) - scale * f64::from(own)) / 2.0).round() as u32;
         let (left, top) = (margin(width, w), margin(height, h));
         let whole = RgbImage::from_raw(w, h, image.rgb.clone()).unwrap_or_default();
-        // Of the same size it is the same image.
+        // Resizing to the same size copies the image.
         let near = imageops::resize(&whole, side(w), side(h), imageops::FilterType::Triangle);
         let mut rgb = vec![0; 3 * (width * height) as usize];
         let mut counts = vec![false; (width * height) as usize];
@@ -100,43 +100,43 @@ impl Fitted {
     }
 }
 
-/// From where it is seen, and what beside the scene there is.
+/// Camera, background and photo of a frame.
 pub(super) struct Look<'a> {
     pub(super) camera: Camera,
-    /// sRGB.
+    /// Background, sRGB.
     pub(super) background: [f32; 3],
-    /// The photograph of this camera.
+    /// Photo of this camera.
     pub(super) photo: Option<&'a Fitted>,
 }
 
-/// What frames were made for, where it changes.
+/// Properties for which frames were made; they are made again if one changes.
 #[derive(Clone, PartialEq, Eq)]
 struct Purpose {
     size: [u32; 2],
-    /// For numbers.
+    /// Whether colors are read as numbers.
     wide: bool,
     depth: bool,
-    /// Every stage is timed.
+    /// Whether every stage is timed.
     timed: bool,
-    /// Of the model.
+    /// Needs of the model.
     needs: Needs,
 }
 
-/// How a scene is drawn, and what is drawn beside its model.
+/// Ways to draw a scene, and resources other than its model.
 pub(super) struct Scenery {
-    /// The supplementary Gaussians, until their model is made.
+    /// Supplementary Gaussians, until their model is made.
     supplement: Option<Supplement>,
     lobes: Option<Model>,
     frames: Option<(Purpose, Frames)>,
     policy: Policy,
-    /// Base and supplement; of a scene that learns nobody knows.
+    /// Gaussians of base and supplement; unknown for a scene that trains.
     pub(super) counts: Option<[usize; 2]>,
-    /// Stages are timed.
+    /// Whether stages are timed.
     pub(super) timed: bool,
 }
 
 impl Scenery {
-    /// With the scene's model. Waits.
+    /// Uploads a scene and returns its model. Waits.
     pub(super) fn new(context: &Context, scene: Scene, origin: DVec3, policy: Policy) -> Result<(Self, Model)> {
         let whole = Model::upload_around(context, origin, &scene, Room::default())?;
         let counts = [scene.base.len(), scene.supplement.as_ref().map_or(0, |s| s.gaussians.len())];
@@ -144,18 +144,18 @@ impl Scenery {
         Ok((Scenery { supplement, counts: Some(counts), ..Scenery::learning(policy) }, whole))
     }
 
-    /// Of a model that learns while it is looked at.
+    /// Scenery of a model that trains while it is shown.
     pub(super) fn learning(policy: Policy) -> Self {
         Scenery { supplement: None, lobes: None, frames: None, policy, counts: None, timed: false }
     }
 
-    /// Why `mode` shows nothing, where that is so.
+    /// Reason why `mode` shows nothing, if so.
     pub(super) fn lacks(&self, model: &Model, mode: Mode, at_photo: bool) -> Option<&'static str> {
         let drawn = matches!(mode, Mode::Photograph | Mode::Augmented | Mode::Base);
         match (mode, self.counts) {
-            (_, None) if !drawn => Some("glint view shows that once the scene is written"),
+            (_, None) if !drawn => Some("not shown during training: use glint view afterwards"),
             (Mode::Photograph | Mode::Error, _) if !at_photo => {
-                Some("no photograph was taken from here: n and p go to one's camera")
+                Some("no photograph was taken from here: n and p jump to the camera of one")
             }
             (Mode::Supplement, Some([_, 0])) => Some("the scene has no supplement"),
             (Mode::Specular, Some([_, 0])) if model.sh_degree == 0 => {
@@ -165,7 +165,7 @@ impl Scenery {
         }
     }
 
-    /// Draws a frame. With `save` waits for it and gives the window's pixels.
+    /// Draws a frame. With `save`, waits for it and returns the window's pixels.
     pub(super) fn show(
         &mut self,
         screen: &mut Screen,
@@ -182,7 +182,7 @@ impl Scenery {
         let (depth, timed) = (mode == Mode::Depth, self.timed);
         let needs = Needs::of(model);
         self.make_frames(screen, Purpose { size: [width, height], wide, depth, timed, needs })?;
-        // A run that is looked at does not stand still for a window.
+        // A training run does not wait for its window.
         let patience = if self.counts.is_some() { PATIENCE } else { Duration::ZERO };
         let picture = |content| Picture { width, height, content }.rgb();
         let rgb = match mode {
@@ -216,7 +216,7 @@ impl Scenery {
         screen.show(Shown::Picture(&rgb), save, patience)
     }
 
-    /// Makes room for what the last frame had none for; whether it should be drawn again. Waits.
+    /// Grows buffers that overflowed in the last frame. Returns whether to draw it again. Waits.
     pub(super) fn make_room(&mut self, screen: &mut Screen) -> Result<bool> {
         match &mut self.frames {
             Some((_, frames)) => screen.make_room(frames),
@@ -224,7 +224,8 @@ impl Scenery {
         }
     }
 
-    /// How long each stage of the last frame took, which was waited for, the slowest first; none where they are not timed.
+    /// Duration of each stage in the last frame, slowest first; empty if they are not timed. The frame must
+    /// be done.
     pub(super) fn stages(&self, screen: &Screen) -> Result<Vec<(&'static str, Duration)>> {
         let Some((_, frames)) = &self.frames else { return Ok(Vec::new()) };
         let mut sums = BTreeMap::<&'static str, Duration>::new();
@@ -250,8 +251,8 @@ impl Scenery {
         }
     }
 
-    /// What of the scene the device draws for a mode: of diffuse light the base with its constant harmonic, of what is made of the
-    /// whole scene the whole. `None` before there are frames.
+    /// Part of the scene that a mode draws: for diffuse light the base with its constant harmonic, for
+    /// other modes made from the whole scene the whole. `None` before there are frames.
     fn scene<'a>(&'a mut self, model: &'a Model, mode: Mode, look: &Look<'_>) -> Option<screen::Scene<'a>> {
         let all = Instance::of(model);
         let instance = match mode {
@@ -264,7 +265,7 @@ impl Scenery {
         Some(screen::Scene { frames, instance, camera: look.camera, background: look.background })
     }
 
-    /// The supplement is drawn without the base by a model of its own, made when it is first asked for.
+    /// Makes the model of the supplement without the base, on first use.
     fn make_lobes(&mut self, context: &Context, model: &Model) -> Result<()> {
         let Some(supplement) = self.supplement.take_if(|_| self.lobes.is_none()) else { return Ok(()) };
         let base = Gaussians { sh_degree: model.part(Segment::Base).sh_degree, ..Default::default() };
@@ -277,7 +278,7 @@ impl Scenery {
         if self.frames.as_ref().is_some_and(|(purpose, _)| *purpose == wanted) {
             return Ok(());
         }
-        // What the old ones drew may still run.
+        // Earlier frames may still be running.
         screen.finish()?;
         screen.forget();
         self.frames = None;

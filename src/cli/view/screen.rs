@@ -1,5 +1,5 @@
-//! A window's images on a device that is made here and lent to glint, as any renderer would lend its own: the one file of the
-//! program that calls Vulkan itself.
+//! Window with a swapchain, on a device that is created here and lent to glint, like any renderer's. Only
+//! this file of the program calls Vulkan itself.
 
 use std::{
     ffi::CStr,
@@ -26,46 +26,46 @@ use crate::{
 
 /// Frames in flight: one is drawn while the next is recorded.
 pub(super) const IN_FLIGHT: u32 = 2;
-/// How long to wait for an image of the window: a compositor may keep them all while nobody looks.
+/// Maximum wait for an image of the window. A compositor may hold all images while the window is hidden.
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
-/// Times that a picture is drawn again with more room for intersections.
+/// Maximum number of times that a picture is drawn again with more room for intersections.
 const TRIES: u32 = 4;
 
-/// What a frame shows.
+/// Content of a frame.
 pub(super) enum Shown<'a> {
-    /// Drawn by the device straight into the window's image.
+    /// Scene that the device draws directly into the window's image.
     Scene(Box<Scene<'a>>),
     /// Pixels of the window's size, 3 bytes each.
     Picture(&'a [u8]),
 }
 
-/// A scene from a camera.
+/// Scene seen by a camera.
 pub(super) struct Scene<'a> {
     pub(super) frames: &'a mut Frames,
     pub(super) instance: Instance<'a>,
     pub(super) camera: Camera,
-    /// sRGB.
+    /// Background, sRGB.
     pub(super) background: [f32; 3],
 }
 
-/// How a frame went.
+/// Result of a frame.
 pub(super) struct Drawn {
-    /// False where the window had no image to draw on, because it is hidden or changes its size.
+    /// False if the window had no image to draw on, because it is hidden or changes its size.
     pub(super) shown: bool,
-    /// The pixels that the window shows, 3 bytes each, where they were asked for.
+    /// Pixels that the window shows, 3 bytes each, if requested.
     pub(super) pixels: Option<Vec<u8>>,
 }
 
-/// What pixels are asked for as numbers.
+/// Quantity to read as numbers.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Wanted {
-    /// sRGB values, three a pixel.
+    /// sRGB values, three per pixel.
     Color,
-    /// Camera z, one a pixel, 0 where there is none.
+    /// Camera z, one per pixel, 0 if there is none.
     Depth,
 }
 
-/// What must outlive device and surface.
+/// Objects that must outlive device and surface.
 struct Instanced {
     entry: ash::Entry,
     instance: ash::Instance,
@@ -74,73 +74,73 @@ struct Instanced {
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
 }
 
-/// What of a window a device draws on.
+/// Surface of the window that a device draws on.
 struct Surface {
     surfaces: khr::surface::Instance,
     surface: vk::SurfaceKHR,
-    // The surface is this window's.
+    // Owner of the surface.
     window: Arc<Window>,
-    // After the surface.
+    // Dropped after the surface.
     instanced: Rc<Instanced>,
 }
 
-/// A device that is lent to glint. It may outlive the window that it was chosen for; all that is made on it must be dropped before.
+/// Device that is lent to glint. It may outlive its window; everything created on it must be dropped first.
 pub(super) struct Lender {
     context: Option<Context>,
     device: ash::Device,
-    // After the device.
+    // Dropped after the device.
     instanced: Rc<Instanced>,
 }
 
-/// A frame in flight.
+/// Frame in flight.
 struct Slot {
     commands: vk::CommandBuffer,
     fence: vk::Fence,
     acquired: vk::Semaphore,
-    /// Submitted, and not waited for since.
+    /// Submitted, and not yet waited for.
     pending: bool,
-    /// It draws a scene, and not only copies a picture.
+    /// Whether it draws a scene, instead of copying a picture.
     draws: bool,
-    /// What copies hold on to.
+    /// Resources held by copies.
     kept: Kept,
 }
 
-/// The window's images.
+/// Images of the window.
 #[derive(Default)]
 struct Chain {
     handle: vk::SwapchainKHR,
     images: Vec<vk::Image>,
-    /// Of each image, signalled when it is drawn.
+    /// Semaphore of each image, signaled when it is drawn.
     drawn: Vec<vk::Semaphore>,
-    /// Pixels; 0 where the window is hidden.
+    /// Size, pixels; 0 if the window is hidden.
     size: [u32; 2],
     readable: bool,
-    /// The window has changed.
+    /// Whether the window has changed.
     stale: bool,
 }
 
-/// A window with the device that draws in it.
+/// Window with the device that draws in it.
 pub(super) struct Screen {
     presenter: khr::swapchain::Device,
     device: ash::Device,
     physical: vk::PhysicalDevice,
     queue: vk::Queue,
     pool: vk::CommandPool,
-    /// Two timestamps a slot.
+    /// Two timestamps per slot.
     queries: vk::QueryPool,
     slots: Vec<Slot>,
     next: usize,
     chain: Chain,
     format: vk::SurfaceFormatKHR,
     texel: Texel,
-    /// The slot of the last scene that was drawn.
+    /// Slot of the last drawn scene.
     last: Option<usize>,
-    /// Of the device for the last scene that was waited for.
+    /// Device time of the last scene that was waited for.
     time: Option<Duration>,
-    /// How long the host has waited for the device.
+    /// Total time that the host has waited for the device.
     waited: Duration,
     surface: Surface,
-    // Last, as it must be dropped.
+    // Last, because it must be dropped last.
     lender: Rc<Lender>,
 }
 
@@ -155,7 +155,7 @@ impl Surface {
         let window_handle = window.window_handle().map_err(no_handle)?.as_raw();
         let names = ash_window::enumerate_required_extensions(display_handle)
             .map_err(named("enumerate_required_extensions"))?;
-        // SAFETY: the list is of static strings.
+        // SAFETY: the list holds static strings.
         let names: Vec<&CStr> = names.iter().map(|name| unsafe { CStr::from_ptr(*name) }).collect();
         let (entry, instance, debug) = create_instance(validation, &names)?;
         let mut instanced = Instanced { entry, instance, debug, messages: Arc::default(), messenger: None };
@@ -164,13 +164,14 @@ impl Surface {
         }
         let (entry, instance) = (&instanced.entry, &instanced.instance);
         let surfaces = khr::surface::Instance::new(entry, instance);
-        // SAFETY: the handles are of the window, which this keeps; the instance has the extensions.
+        // SAFETY: the handles belong to the window, which this struct holds; the instance has the
+        // extensions.
         let surface = unsafe { ash_window::create_surface(entry, instance, display_handle, window_handle, None) }
             .map_err(named("vkCreateSurface"))?;
         Ok(Surface { surfaces, surface, window, instanced: Rc::new(instanced) })
     }
 
-    /// A family that computes and can show what it has drawn in the window.
+    /// Queue family that computes and can present to the window.
     fn queue_family(&self, physical: vk::PhysicalDevice) -> Result<u32, GpuError> {
         // SAFETY: queries of live handles.
         let (families, name) = unsafe {
@@ -190,7 +191,7 @@ impl Surface {
         })
     }
 
-    /// A device with all that glint can use, and a swapchain.
+    /// Device with all features that glint can use, and with swapchains.
     fn device(
         &self,
         physical: vk::PhysicalDevice,
@@ -206,7 +207,8 @@ impl Surface {
         // SAFETY: queries and a creation on live handles, from structures that live for the call.
         unsafe {
             let there = self.instanced.instance.enumerate_device_extension_properties(physical).unwrap_or_default();
-            // What became a part of Vulkan 1.3 need not be there as an extension; what is missing else, the device says.
+            // Parts of Vulkan 1.3 need not be present as extensions. For other missing ones, device
+            // creation fails.
             let has = |name: &&CStr| there.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|n| n == *name));
             let extensions: Vec<_> =
                 names.iter().filter(|n| has(n) || **n == khr::swapchain::NAME).map(|n| n.as_ptr()).collect();
@@ -221,7 +223,7 @@ impl Surface {
         }
     }
 
-    /// 8 bits a channel, encoded as glint's pixels are.
+    /// Surface format with 8 bits per channel, encoded like glint's pixels.
     fn format(&self, physical: vk::PhysicalDevice) -> Result<(vk::SurfaceFormatKHR, Texel), GpuError> {
         // SAFETY: a query of live handles.
         let formats = unsafe { self.surfaces.get_physical_device_surface_formats(physical, self.surface) }
@@ -239,7 +241,7 @@ impl Surface {
 
 impl Drop for Instanced {
     fn drop(&mut self) {
-        // SAFETY: device and surface are gone, and with them all that used these.
+        // SAFETY: device and surface are destroyed, and with them all users of these objects.
         unsafe {
             if let Some((utils, messenger)) = &self.messenger {
                 utils.destroy_debug_utils_messenger(*messenger, None);
@@ -251,14 +253,15 @@ impl Drop for Instanced {
 
 impl Drop for Surface {
     fn drop(&mut self) {
-        // SAFETY: its swapchain is gone; the instance is there.
+        // SAFETY: its swapchain is destroyed; the instance is alive.
         unsafe { self.surfaces.destroy_surface(self.surface, None) };
     }
 }
 
 impl Drop for Lender {
     fn drop(&mut self) {
-        // SAFETY: the device is done with all; what glint made on it is gone, see above, and now glint is too.
+        // SAFETY: the device is idle; glint's objects on it are destroyed (see the type), and the context
+        // is dropped first.
         unsafe {
             let _ = self.device.device_wait_idle();
             drop(self.context.take());
@@ -268,20 +271,20 @@ impl Drop for Lender {
 }
 
 impl Lender {
-    /// What models and frames are made on.
+    /// Context on which models and frames are created.
     pub(super) fn context(&self) -> &Context {
-        // Set as soon as anybody has it, and taken by `drop` only.
+        // Set before the lender is handed out, and taken only by `drop`.
         self.context.as_ref().expect("a lender has lent its device")
     }
 
-    /// What the validation layers say, also after the device is gone.
+    /// Messages of the validation layers, also after the device is destroyed.
     pub(super) fn messages(&self) -> Arc<Mutex<Vec<String>>> {
         self.instanced.messages.clone()
     }
 }
 
 impl Screen {
-    /// A device that can draw in `window`, chosen as glint chooses its own.
+    /// Creates a device that can draw in `window`, chosen like glint's own.
     pub(super) fn new(window: Arc<Window>, options: &ContextOptions) -> Result<Self, GpuError> {
         let surface = Surface::new(window, options.validation)?;
         let instanced = surface.instanced.clone();
@@ -290,7 +293,7 @@ impl Screen {
         let (format, texel) = surface.format(physical)?;
         let device = surface.device(physical, family, offered.iter().copied())?;
         let mut lender = Lender { context: None, device: device.clone(), instanced: instanced.clone() };
-        // SAFETY: the family and index 0 were asked for at creation.
+        // SAFETY: the device was created with this family and index 0.
         let queue = unsafe { device.get_device_queue(family, 0) };
         let borrowed = BorrowedDevice {
             entry: instanced.entry.clone(),
@@ -301,12 +304,13 @@ impl Screen {
             queue,
             optional: offered,
             pipeline_cache: vk::PipelineCache::null(),
-            // One thread draws and loads.
+            // A single thread draws and loads.
             queue_lock: None,
             labels: instanced.debug,
             memory_budget: options.memory_budget,
         };
-        // SAFETY: the handles belong together, the device has what is asked for and outlives the context: see `Lender`.
+        // SAFETY: the handles belong together; the device has the required features and outlives the
+        // context (see `Lender`).
         lender.context = Some(unsafe { Context::borrow(borrowed) }?);
         let mut screen = Screen {
             presenter: khr::swapchain::Device::new(&instanced.instance, &device),
@@ -331,14 +335,14 @@ impl Screen {
         Ok(screen)
     }
 
-    /// Who lends the device: it stays when the window goes.
+    /// Lender of the device, which may outlive the window.
     pub(super) fn lender(&self) -> Rc<Lender> {
         self.lender.clone()
     }
 
     fn make_slots(&mut self, family: u32) -> Result<(), GpuError> {
         let device = &self.device;
-        // SAFETY: creations from structures that live for their calls; `drop` destroys what there is.
+        // SAFETY: creations from structures that live for their calls; `drop` destroys the objects.
         unsafe {
             let info = vk::CommandPoolCreateInfo::default()
                 .queue_family_index(family)
@@ -363,32 +367,32 @@ impl Screen {
         Ok(())
     }
 
-    /// What models and frames are made on.
+    /// Context on which models and frames are created.
     pub(super) fn context(&self) -> &Context {
         self.lender.context()
     }
 
-    /// Of the device for drawing the last scene that was waited for.
+    /// Device time of the last scene that was waited for.
     pub(super) fn time(&self) -> Option<Duration> {
         self.time
     }
 
-    /// How long the host has waited for the device, all together.
+    /// Total time that the host has waited for the device.
     pub(super) fn waited(&self) -> Duration {
         self.waited
     }
 
-    /// Frames that were drawn are not asked about any more.
+    /// Forgets the last scene, so that its times are not read.
     pub(super) fn forget(&mut self) {
         self.last = None;
     }
 
-    /// The window's size may have changed.
+    /// Marks that the window's size may have changed.
     pub(super) fn resized(&mut self) {
         self.chain.stale = true;
     }
 
-    /// Pixels of the window's images; 0 while it is hidden. Makes them anew where the window has changed.
+    /// Size of the window's images, pixels; 0 while it is hidden. Recreates them if the window has changed.
     pub(super) fn size(&mut self) -> Result<[u32; 2], GpuError> {
         if self.chain.stale {
             self.fit()?;
@@ -396,11 +400,11 @@ impl Screen {
         Ok(self.chain.size)
     }
 
-    /// Images of the window's size.
+    /// Creates images of the window's size.
     fn fit(&mut self) -> Result<(), GpuError> {
         self.finish()?;
         let Surface { surfaces, surface, window, .. } = &self.surface;
-        // SAFETY: nothing that the device does uses the old images, which the new swapchain takes the place of.
+        // SAFETY: the device is idle, so the old images, which the new swapchain replaces, are not in use.
         unsafe {
             let began = Instant::now();
             self.device.device_wait_idle().map_err(named("vkDeviceWaitIdle"))?;
@@ -471,7 +475,7 @@ impl Screen {
             return Ok(());
         }
         let (fence, draws) = (*fence, *draws);
-        // SAFETY: the fence was submitted; of the slot's two timestamps both are written once it is signalled.
+        // SAFETY: the fence was submitted; both timestamps of the slot are written when it is signaled.
         unsafe {
             let began = Instant::now();
             self.device.wait_for_fences(&[fence], true, u64::MAX).map_err(named("vkWaitForFences"))?;
@@ -488,23 +492,23 @@ impl Screen {
         Ok(())
     }
 
-    /// Whether all that was drawn is done, without waiting.
+    /// Whether all frames are done, without waiting.
     pub(super) fn is_done(&self) -> bool {
         // SAFETY: queries of live handles.
         self.slots.iter().all(|s| !s.pending || unsafe { self.device.get_fence_status(s.fence) }.unwrap_or(true))
     }
 
-    /// Waits for all that is in flight.
+    /// Waits for all frames in flight.
     pub(super) fn finish(&mut self) -> Result<(), GpuError> {
         (0..self.slots.len()).try_for_each(|slot| self.settle(slot))
     }
 
-    /// Opens a slot's commands.
+    /// Begins a slot's commands.
     fn begin(&mut self, slot: usize) -> Result<vk::CommandBuffer, GpuError> {
         self.settle(slot)?;
         let commands = self.slots[slot].commands;
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the slot's commands have run.
+        // SAFETY: the slot's commands have finished.
         unsafe {
             self.device.begin_command_buffer(commands, &info).map_err(named("vkBeginCommandBuffer"))?;
             self.device.cmd_reset_query_pool(commands, self.queries, 2 * slot as u32, 2);
@@ -521,7 +525,7 @@ impl Screen {
         }
     }
 
-    /// Ends a slot's commands and hands them to the queue, to run between two semaphores.
+    /// Ends a slot's commands and submits them, between two semaphores.
     fn submit(&mut self, slot: usize, between: Option<[vk::Semaphore; 2]>) -> Result<(), GpuError> {
         self.stamp(slot, 1);
         let Slot { commands, fence, .. } = self.slots[slot];
@@ -534,7 +538,7 @@ impl Screen {
                 .wait_dst_stage_mask(&stages)
                 .signal_semaphores(std::slice::from_ref(signal));
         }
-        // SAFETY: the commands are recording; this thread alone uses the queue.
+        // SAFETY: the commands are recording; only this thread uses the queue.
         unsafe {
             self.device.end_command_buffer(commands).map_err(named("vkEndCommandBuffer"))?;
             self.device.reset_fences(&[fence]).map_err(named("vkResetFences"))?;
@@ -544,13 +548,13 @@ impl Screen {
         Ok(())
     }
 
-    /// Brings an image of the window into another layout, between copies.
+    /// Changes the layout of a window's image, between copies.
     fn turn(&self, commands: vk::CommandBuffer, image: vk::Image, from: vk::ImageLayout, to: vk::ImageLayout) {
         let transfer = vk::PipelineStageFlags::TRANSFER;
         let access = |layout| match layout {
             vk::ImageLayout::TRANSFER_DST_OPTIMAL => vk::AccessFlags::TRANSFER_WRITE,
             vk::ImageLayout::TRANSFER_SRC_OPTIMAL => vk::AccessFlags::TRANSFER_READ,
-            // Semaphores stand between.
+            // Semaphores order the accesses.
             _ => vk::AccessFlags::empty(),
         };
         let all = vk::ImageSubresourceRange {
@@ -567,12 +571,12 @@ impl Screen {
             .dst_access_mask(access(to))
             .subresource_range(all);
         let none = vk::DependencyFlags::empty();
-        // SAFETY: the commands are recording; the image is the window's.
+        // SAFETY: the commands are recording; the image belongs to the window.
         unsafe { self.device.cmd_pipeline_barrier(commands, transfer, transfer, none, &[], &[], &[barrier]) };
     }
 
-    /// Draws the next frame, where the window has an image for it within `patience`. With `save` waits for it and gives the pixels
-    /// that the window shows.
+    /// Draws the next frame, if the window has an image for it within `patience`. With `save`, waits for it
+    /// and returns the pixels that the window shows.
     pub(super) fn show(&mut self, shown: Shown<'_>, save: bool, patience: Duration) -> Result<Drawn> {
         let nothing = Drawn { shown: false, pixels: None };
         let size = self.size()?;
@@ -580,14 +584,14 @@ impl Screen {
             Shown::Scene(scene) => [scene.camera.width, scene.camera.height] == size,
             Shown::Picture(rgb) => rgb.len() == 3 * (size[0] as usize) * (size[1] as usize),
         };
-        // Hidden, or of another size since the picture was made.
+        // The window is hidden, or has another size than the picture.
         if size == [0, 0] || !fits {
             return Ok(nothing);
         }
         let slot = self.next;
         self.settle(slot)?;
         let acquired = self.slots[slot].acquired;
-        // SAFETY: the semaphore was waited for by the slot's last commands, which have run.
+        // SAFETY: the slot's last commands waited for the semaphore, and have finished.
         let got = unsafe {
             let patience = patience.as_nanos() as u64;
             self.presenter.acquire_next_image(self.chain.handle, patience, acquired, vk::Fence::null())
@@ -617,7 +621,8 @@ impl Screen {
                 let color = Target { blend: Blend::Opaque(background), ..Target::new(target, self.texel) };
                 let views = [FrameView { color: Some(color), ..FrameView::new(camera) }];
                 let frame = Frame { slot: slot as u32, instances: &[instance], views: &views };
-                // SAFETY: the image is of the window's size and in the layout that is said, the slot's commands have run.
+                // SAFETY: the image has the window's size and the given layout; the slot's commands have
+                // finished.
                 unsafe { frames.record(commands, &frame) }?;
                 self.last = Some(slot);
             }
@@ -625,7 +630,7 @@ impl Screen {
                 let words: Vec<u32> = rgb.chunks_exact(3).map(|p| self.word([p[0], p[1], p[2]])).collect();
                 let staging = Buffer::new(self.context(), "picture", words.len(), Location::Upload)?;
                 staging.write_mapped(&words);
-                // SAFETY: as above; the picture is of the window's size.
+                // SAFETY: as above; the picture has the window's size.
                 kept = unsafe {
                     let mut recorder = Recorder::borrow(self.context(), commands, kept);
                     recorder.hand(&staging, &target, size, 1);
@@ -641,7 +646,8 @@ impl Screen {
             from = to;
             let pixels = (size[0] * size[1]) as usize;
             let buffer = Buffer::<u32>::new(self.context(), "screenshot", pixels, Location::Readback)?;
-            // SAFETY: the image is in that layout. What the recorder keeps besides is kept by the frames or below.
+            // SAFETY: the image has that layout. The frames hold the other resources of the recorder, or
+            // they are held below.
             unsafe {
                 let mut recorder = Recorder::borrow(self.context(), commands, Kept::default());
                 recorder.bring(&Pixels::Image(ImageRegion::of(image, self.format.format, to)), &buffer, size, 1);
@@ -657,7 +663,7 @@ impl Screen {
         self.next = (slot + 1) % self.slots.len();
         let (waits, chains, indices) = ([drawn], [self.chain.handle], [index]);
         let info = vk::PresentInfoKHR::default().wait_semaphores(&waits).swapchains(&chains).image_indices(&indices);
-        // SAFETY: the image was acquired, and its semaphore is signalled by what was submitted.
+        // SAFETY: the image was acquired, and the submission signals its semaphore.
         match unsafe { self.presenter.queue_present(self.queue, &info) } {
             Ok(suboptimal) => self.chain.stale |= suboptimal,
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.chain.stale = true,
@@ -673,7 +679,7 @@ impl Screen {
         Ok(Drawn { shown: true, pixels })
     }
 
-    /// A pixel as the window has it.
+    /// Pixel in the window's format.
     fn word(&self, [r, g, b]: [u8; 3]) -> u32 {
         u32::from_le_bytes(if self.texel == Texel::Bgra8 { [b, g, r, 255] } else { [r, g, b, 255] })
     }
@@ -683,8 +689,7 @@ impl Screen {
         if self.texel == Texel::Bgra8 { [c, b, a] } else { [a, b, c] }
     }
 
-    /// The last frame's intersections beyond those that there was room for: makes room, and says whether the frame should be drawn
-    /// again. Waits.
+    /// Grows the buffer if intersections overflowed in recent frames. Returns whether to draw again. Waits.
     pub(super) fn make_room(&mut self, frames: &mut Frames) -> Result<bool> {
         self.finish()?;
         let reports = (0..IN_FLIGHT).filter_map(|slot| frames.report(slot).ok());
@@ -694,7 +699,7 @@ impl Screen {
         Ok(more)
     }
 
-    /// What `scene` shows as numbers, not in the window. Waits.
+    /// Renders `scene` to numbers, not to the window. Waits.
     pub(super) fn numbers(&mut self, scene: &mut Scene<'_>, wanted: Wanted) -> Result<Vec<f32>> {
         self.finish()?;
         let pixels = scene.camera.pixels() as usize;
@@ -707,7 +712,7 @@ impl Screen {
                 let blend = Blend::Opaque(scene.background);
                 view.color = Some(Target { blend, ..Target::new(target, Texel::Rgba32F) });
             }
-            // The reciprocal of z, 0 at infinity.
+            // Reciprocal of z, 0 at infinity.
             Wanted::Depth => {
                 view.depth_out = Some(target);
                 view.depth_form = DepthForm { a: 0.0, b: 1.0 };
@@ -716,7 +721,8 @@ impl Screen {
         for _ in 0..TRIES {
             let commands = self.begin(0)?;
             let frame = Frame { slot: 0, instances: &[scene.instance], views: &[view] };
-            // SAFETY: the buffer is as large as the picture and nobody else's, the slot's commands have run.
+            // SAFETY: the buffer has the picture's size and no other user; the slot's commands have
+            // finished.
             unsafe { scene.frames.record(commands, &frame) }?;
             self.slots[0].draws = true;
             self.last = Some(0);
@@ -734,8 +740,8 @@ impl Screen {
         })
     }
 
-    /// How long each stage of the last scene took, which was drawn by `frames` and waited for, in their order; nothing where they are
-    /// not timed.
+    /// Duration of each stage of the last scene, drawn by `frames`, in their order; empty if they are not
+    /// timed. The scene must be done.
     pub(super) fn stages(&self, frames: &Frames) -> Result<Vec<StageTime>> {
         self.last.map_or(Ok(Vec::new()), |slot| frames.times(slot as u32))
     }
@@ -743,7 +749,7 @@ impl Screen {
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        // SAFETY: the device is done with all that these are used by.
+        // SAFETY: the device is idle, so it no longer uses these objects.
         unsafe {
             let _ = self.device.device_wait_idle();
             self.slots.iter_mut().for_each(|slot| slot.kept.clear());

@@ -1,7 +1,7 @@
-//! The window of a run: the scene as it learns, drawn between the run's own submissions.
+//! Window of a run: shows the scene while it trains, drawn between the run's own submissions.
 //!
-//! The device is the window's, lent to glint, and all that is made on it stays when the window goes. Frames only read the model, so what
-//! the run learns has the same bits with a window and without.
+//! The device belongs to the window and is lent to glint; objects on it remain if the window closes. Frames
+//! only read the model, so the result has the same bits with and without a window.
 
 use std::{
     fmt::Arguments,
@@ -26,14 +26,14 @@ use super::{
 };
 use crate::{Error, gpu::Context, pipelines::model::Model};
 
-/// From one frame to the next it takes so many times as long as the host and the device worked for the window: a run becomes slower by
-/// less than a tenth.
+/// Minimum interval between frames, relative to the work of host and device for the window. A run is slowed
+/// by less than a tenth.
 const SHARE: u32 = 12;
 
 /// Opens a window and does `work` on its device. The window may be closed before the work is done.
 pub(super) fn run<T>(desk: &Desk<'_>, work: impl FnOnce(&Context, &mut Look<'_>) -> Outcome<T>) -> Outcome<T> {
     if !desk.device.twins.is_empty() {
-        return Err(Error::Usage("--twin: twins stand in for no stage on a window's device (--view)".into()).into());
+        return Err(Error::Usage("--twin does not work in a window: leave out --view".into()).into());
     }
     let mut events = EventLoop::new().map_err(|error| no_window(&error))?;
     let mut opening = Opening { desk, opened: None };
@@ -44,7 +44,7 @@ pub(super) fn run<T>(desk: &Desk<'_>, work: impl FnOnce(&Context, &mut Look<'_>)
     let shown = Shown { open, events, begun, spent, drawing: false, first: true };
     let mut watch = Watch { desk, shown: Some(shown) };
     let result = work(lender.context(), &mut |model, progress| watch.look(model, progress));
-    // With it goes what is drawn.
+    // Drops the window and its frames.
     drop(watch);
     let messages = lender.messages();
     drop(lender);
@@ -52,7 +52,7 @@ pub(super) fn run<T>(desk: &Desk<'_>, work: impl FnOnce(&Context, &mut Look<'_>)
     tell_end(result, faults)
 }
 
-/// The first events of a loop, which let a window be opened.
+/// First events of a loop, which allow a window to be opened.
 struct Opening<'a> {
     desk: &'a Desk<'a>,
     opened: Option<Outcome<(Open, Rc<Lender>)>>,
@@ -65,7 +65,7 @@ impl ApplicationHandler for Opening<'_> {
         }
         self.opened = Some(open_window(events, self.desk).map(|(window, screen)| {
             let lender = screen.lender();
-            // The photographs say where the scene is.
+            // The photos define the position of the scene.
             let around = (DVec3::ZERO, 1.0);
             (Open::new(window, screen, Scenery::learning(self.desk.policy), self.desk, around), lender)
         }));
@@ -74,35 +74,35 @@ impl ApplicationHandler for Opening<'_> {
     fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, _: WindowEvent) {}
 }
 
-/// A window that is open.
+/// Open window.
 struct Shown {
-    // Before the loop, whose display it is on.
+    // Dropped before the loop, which owns its display.
     open: Open,
     events: EventLoop<()>,
-    /// When the last frame was begun.
+    /// Start of the last frame.
     begun: Instant,
-    /// What the host has done for the window since.
+    /// Time that the host has spent on the window since.
     spent: Duration,
-    /// The frame is not known to be done.
+    /// Whether the last frame may still be running.
     drawing: bool,
-    /// No frame was drawn yet.
+    /// Whether no frame was drawn yet.
     first: bool,
 }
 
 struct Watch<'a> {
     desk: &'a Desk<'a>,
-    /// `None` once it was closed.
+    /// `None` after it was closed.
     shown: Option<Shown>,
 }
 
 impl Watch<'_> {
-    /// What has happened in the window, and a frame where one is due. Whatever is wrong with the window, the run goes on.
+    /// Handles the window's events and draws a due frame. The run continues even if the window fails.
     fn look(&mut self, model: &Model, progress: Arguments<'_>) {
         let Some(shown) = &mut self.shown else { return };
         match shown.look(self.desk, model, progress) {
             Ok(true) => {}
             Ok(false) => {
-                note("the window was closed, the run goes on");
+                note("the window was closed; the run continues");
                 self.shown = None;
             }
             Err(failure) => {
@@ -110,7 +110,7 @@ impl Watch<'_> {
                     Failure::Error(error) => error.to_string(),
                     other => format!("{other:?}"),
                 };
-                note(format!("the window was closed, the run goes on: {why}"));
+                note(format!("the window was closed; the run continues: {why}"));
                 self.shown = None;
             }
         }
@@ -118,7 +118,7 @@ impl Watch<'_> {
 }
 
 impl Shown {
-    /// False once somebody wants it closed.
+    /// Returns false when the user closes the window.
     fn look(&mut self, desk: &Desk<'_>, model: &Model, progress: Arguments<'_>) -> Outcome<bool> {
         let began = Instant::now();
         let (waited, _) = self.open.costs();
@@ -132,9 +132,9 @@ impl Shown {
         self.open.keys();
         if self.drawing && !self.open.is_drawing() {
             self.drawing = false;
-            // It is done, so nothing is waited for.
+            // The frame is done, so this does not wait.
             self.open.rest(desk)?;
-            // Without a clock the host's share stands for both.
+            // Without timestamps, the host's time is counted twice.
             self.spent += self.open.costs().1.unwrap_or(self.spent);
         }
         if !self.drawing && self.begun.elapsed() >= SHARE * self.spent {
@@ -144,7 +144,8 @@ impl Shown {
             self.open.draw(desk, model)?;
             (self.begun, self.spent, self.drawing) = (now, Duration::ZERO, true);
         }
-        // While the host waits the run's own work goes on, and pipelines are made once.
+        // Waiting does not count, since the run's own work continues. The first frame does not either,
+        // since it creates pipelines once.
         if !(self.drawing && std::mem::take(&mut self.first)) {
             self.spent += began.elapsed().saturating_sub(self.open.costs().0 - waited);
         }
@@ -152,7 +153,7 @@ impl Shown {
     }
 }
 
-/// The loop's events while a run stands between two steps.
+/// Events of the loop between two steps of the run.
 struct Pumped<'a> {
     open: &'a mut Open,
     desk: &'a Desk<'a>,

@@ -1,4 +1,4 @@
-//! The window: what keys, mouse and dropped files do, and when a frame is drawn.
+//! Window of `glint view`: handles keys, mouse and dropped files, and decides when to draw a frame.
 
 use std::{
     collections::HashSet,
@@ -34,37 +34,37 @@ use crate::{
     scene::{Camera, Scene},
 };
 
-/// Pixels, where nothing says another size.
+/// Default size, pixels.
 const SIZE: [u32; 2] = [1280, 720];
-/// The vertical angle of view where there is no photograph, radians.
+/// Vertical angle of view without photos, radians.
 const FIELD: f64 = 0.9;
-/// Distance from a scene's middle at first, in radii of the ball that has nine of ten Gaussians.
+/// Initial distance from a scene's middle, in radii of the ball with nine tenths of its Gaussians.
 const AWAY: f64 = 3.0;
-/// Seconds that a frame moves the camera at most: after a very long one it does not leap.
+/// Maximum time step of the camera, seconds, so that it does not leap after a slow frame.
 const LEAP: f64 = 0.5;
-/// What Shift does to the speed.
+/// Factor of the speed with Shift.
 const HURRY: f64 = 4.0;
-/// Pixels of a touchpad that are a notch of a wheel.
+/// Pixels of a touchpad for a notch of the wheel.
 const PIXELS_PER_NOTCH: f64 = 40.0;
-/// Stages that the title names.
+/// Number of stages in the title.
 const STAGES: usize = 5;
 
-/// What a window is opened with.
+/// Settings with which a window is opened.
 pub(super) struct Desk<'a> {
     pub(super) device: &'a DeviceArgs,
     pub(super) dataset: Option<&'a Dataset>,
-    /// How files that are dropped are read.
+    /// Options for reading dropped files.
     pub(super) lenient: &'a SceneArgs,
     pub(super) policy: Policy,
-    /// sRGB.
+    /// Background, sRGB.
     pub(super) background: [f32; 3],
-    /// Of the window, pixels; `None` for that of a photograph.
+    /// Size of the window, pixels; `None` for that of a photo.
     pub(super) size: Option<[u32; 2]>,
-    /// `None` for what photographs have above.
+    /// Upward direction; `None` to derive it from the photos.
     pub(super) up: Option<DVec3>,
-    /// For screenshots and camera paths.
+    /// Folder for screenshots and camera paths.
     pub(super) folder: &'a Path,
-    /// The scene's file.
+    /// File of the scene.
     pub(super) file: &'a Path,
 }
 
@@ -78,19 +78,19 @@ impl Desk<'_> {
         self.dataset.map_or(&[][..], |dataset| &dataset.photos)
     }
 
-    /// The photograph that is shown first.
+    /// Photo to show first.
     fn first(&self) -> Option<usize> {
         let photos = self.photos();
         photos.iter().position(|photo| photo.split == Split::Test).or((!photos.is_empty()).then_some(0))
     }
 }
 
-/// Why there is no window.
+/// Failure to open a window.
 pub(super) fn no_window(error: &impl ToString) -> Failure {
     Failure::NoWindow(reason(&error.to_string()))
 }
 
-/// Shows `scene` until the window is closed; how many faults the validation layers found.
+/// Shows `scene` until the window is closed. Returns the number of faults found by the validation layers.
 pub(super) fn run(desk: &Desk<'_>, scene: Scene) -> Outcome<usize> {
     let events = EventLoop::new().map_err(|error| no_window(&error))?;
     let mut viewer = Viewer { desk, start: Some(scene), open: None, outcome: Ok(()), faults: 0 };
@@ -101,7 +101,7 @@ pub(super) fn run(desk: &Desk<'_>, scene: Scene) -> Outcome<usize> {
     Ok(viewer.faults)
 }
 
-/// What an error of the window's library says, without the place in its source that it begins with.
+/// Message of an error of winit, without the source location at its beginning.
 fn reason(text: &str) -> String {
     let behind = text.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": "));
     behind.map_or(text, |(_, reason)| reason).trim_end_matches('.').to_owned()
@@ -109,55 +109,55 @@ fn reason(text: &str) -> String {
 
 struct Viewer<'a> {
     desk: &'a Desk<'a>,
-    /// Until there is a window.
+    /// Scene to show, until there is a window.
     start: Option<Scene>,
-    // The model goes first: it is on the device of the window.
+    // The model is dropped first: it is on the window's device.
     open: Option<(Model, Open)>,
     outcome: Outcome,
     faults: usize,
 }
 
-/// What there is while the window is open.
+/// State of an open window.
 pub(super) struct Open {
-    // Before the screen, on whose device it is.
+    // Dropped before the screen, which owns its device.
     scenery: Scenery,
     screen: Screen,
     window: Arc<Window>,
-    /// Of the scene's file, without its ending.
+    /// Name of the scene's file, without its ending.
     name: String,
     flight: Flight,
     home: Camera,
-    /// What cameras look at, near enough.
+    /// Point near which cameras look.
     pivot: DVec3,
     mode: Mode,
-    /// Where the camera is that of a photograph, which.
+    /// Photo whose camera is in use, if any.
     photo: Option<usize>,
-    /// The last photograph that was shown, and how large the window was.
+    /// Last photo shown, and the size of the window then.
     fitted: Option<(usize, [u32; 2], Fitted)>,
     path: CameraPath,
-    /// Take a screenshot with the next frame.
+    /// Whether to save a screenshot of the next frame.
     save: bool,
-    /// Of the last frame that was timed.
+    /// Stages of the last timed frame.
     stages: String,
-    /// How a run gets on.
+    /// Progress of a run.
     progress: String,
-    /// What just happened.
+    /// Note on the last action.
     note: String,
     held: HashSet<KeyCode>,
     modifiers: ModifiersState,
     button: Option<MouseButton>,
     cursor: PhysicalPosition<f64>,
-    /// When keys moved the camera last.
+    /// Time of the last camera move by keys.
     moved: Instant,
-    /// Something has changed since the last frame.
+    /// Whether anything has changed since the last frame.
     pub(super) stale: bool,
-    /// The last frame has not been waited for.
+    /// Whether the last frame was not yet waited for.
     running: bool,
 }
 
 impl Drop for Open {
     fn drop(&mut self) {
-        // Models and frames must not go while the device draws them.
+        // Models and frames must not be dropped while the device draws them.
         if let Err(error) = self.screen.finish() {
             note(format!("the last frame was not finished: {error}"));
         }
@@ -201,7 +201,7 @@ impl ApplicationHandler for Viewer<'_> {
         if open.stale {
             open.window.request_redraw();
         }
-        // A redraw wakes the loop; else nothing moves until somebody does something.
+        // A redraw wakes the loop; otherwise nothing moves until an event.
         events.set_control_flow(if open.held.is_empty() { ControlFlow::Wait } else { ControlFlow::Poll });
         if let Err(error) = outcome {
             self.fail(events, error.into());
@@ -211,14 +211,14 @@ impl ApplicationHandler for Viewer<'_> {
 
 impl Viewer<'_> {
     fn fail(&mut self, events: &ActiveEventLoop, failure: Failure) {
-        // What comes after the first is its consequence.
+        // Later failures follow from the first.
         if self.outcome.is_ok() {
             self.outcome = Err(failure);
         }
         events.exit();
     }
 
-    /// Gives everything back, before the display is gone.
+    /// Drops everything before the display closes.
     fn close(&mut self) {
         let Some((model, open)) = self.open.take() else { return };
         let messages = open.screen.lender().messages();
@@ -237,7 +237,7 @@ impl Viewer<'_> {
     }
 }
 
-/// Whether somebody wants the window closed.
+/// Whether an event closes the window.
 pub(super) fn closes(event: &WindowEvent) -> bool {
     match event {
         WindowEvent::CloseRequested => true,
@@ -248,7 +248,7 @@ pub(super) fn closes(event: &WindowEvent) -> bool {
     }
 }
 
-/// A window, and a device that can draw in it.
+/// Opens a window and a device that can draw in it.
 pub(super) fn open_window(events: &ActiveEventLoop, desk: &Desk<'_>) -> Outcome<(Arc<Window>, Screen)> {
     let size = desk.window_size();
     let attributes =
@@ -262,7 +262,7 @@ pub(super) fn open_window(events: &ActiveEventLoop, desk: &Desk<'_>) -> Outcome<
 }
 
 impl Open {
-    /// Of a scene with its middle and radius.
+    /// Opens on a scene with its middle and radius.
     pub(super) fn new(
         window: Arc<Window>,
         screen: Screen,
@@ -301,7 +301,7 @@ impl Open {
         }
     }
 
-    /// What an event does that is not the loop's own affair.
+    /// Handles an event that the loop does not handle itself.
     pub(super) fn event(&mut self, event: &WindowEvent, desk: &Desk<'_>, model: &Model) -> Outcome {
         match event {
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => {
@@ -333,28 +333,28 @@ impl Open {
         Ok(())
     }
 
-    /// Whether a frame is on its way.
+    /// Whether a frame is in flight.
     pub(super) fn is_drawing(&self) -> bool {
         self.running && !self.screen.is_done()
     }
 
-    /// How long the host has waited for the device, and how long the device took for the last frame that was waited for, where it
-    /// has a clock.
+    /// Total time that the host has waited for the device, and the device time of the last frame that was
+    /// waited for, if the device has timestamps.
     pub(super) fn costs(&self) -> (Duration, Option<Duration>) {
         (self.screen.waited(), self.screen.time())
     }
 
-    /// What the title says beside.
+    /// Sets the progress in the title.
     pub(super) fn tell(&mut self, progress: String) {
         self.progress = progress;
     }
 
-    /// Something is to be seen that was not.
+    /// Requests a new frame.
     pub(super) fn touch(&mut self) {
         self.stale = true;
     }
 
-    /// The camera has moved away from where a photograph was taken.
+    /// Notes that the camera has left a photo's pose.
     fn left(&mut self) {
         self.photo = None;
         if self.mode.of_photograph() {
@@ -368,7 +368,7 @@ impl Open {
         self.touch();
     }
 
-    /// Something that was asked for could not be done; all else goes on.
+    /// Reports a failed action; the window stays open.
     fn complain(&mut self, error: &Error) {
         note(error.to_string());
         self.say(error.to_string());
@@ -439,10 +439,10 @@ impl Open {
         self.touch();
     }
 
-    /// To the camera of a photograph so many further.
+    /// Jumps to the camera of the photo `by` positions further.
     fn turn_to(&mut self, photos: &[Photo], by: usize) {
         if photos.is_empty() {
-            return self.say("there are no photographs: glint view SCENE DATASET has them");
+            return self.say("there are no photographs: use glint view SCENE DATASET");
         }
         let next = match self.photo {
             Some(i) => (i + by) % photos.len(),
@@ -484,13 +484,13 @@ impl Open {
         self.left();
     }
 
-    /// The camera of the window's pixels.
+    /// Camera of the window's pixels.
     fn camera(&mut self) -> Result<Camera> {
         let [width, height] = self.screen.size()?;
         Ok(self.flight.camera().fitted(width.max(1), height.max(1)))
     }
 
-    /// A frame, and what is asked for with it.
+    /// Draws a frame, and saves a screenshot if requested.
     pub(super) fn draw(&mut self, desk: &Desk<'_>, model: &Model) -> Result<()> {
         let size = self.screen.size()?;
         if size == [0, 0] {
@@ -509,13 +509,13 @@ impl Open {
         let asked = self.save;
         let mut drawn = self.scenery.show(&mut self.screen, model, self.mode, &look, asked)?;
         if asked && drawn.shown {
-            // A first frame may have had too little room.
+            // The first frame may have overflowed.
             if self.scenery.make_room(&mut self.screen)? {
                 drawn = self.scenery.show(&mut self.screen, model, self.mode, &look, true)?;
             }
             self.save = !drawn.shown;
         }
-        // Where the window had no image it is asked for one again.
+        // If the window had no image, the frame is drawn again.
         self.stale = !drawn.shown;
         self.running = drawn.shown;
         if let Some(pixels) = drawn.pixels {
@@ -534,7 +534,7 @@ impl Open {
         Ok(())
     }
 
-    /// Nothing moves: waits for the last frame, and sees to what it had too little room for.
+    /// Waits for the last frame while nothing moves, and grows buffers that overflowed.
     pub(super) fn rest(&mut self, desk: &Desk<'_>) -> Result<()> {
         if !std::mem::take(&mut self.running) {
             return Ok(());
@@ -550,7 +550,7 @@ impl Open {
         Ok(())
     }
 
-    /// The photograph of this camera at the window's size, where it is shown.
+    /// Fits the photo of this camera to the window, if it is shown.
     fn fit_photo(&mut self, desk: &Desk<'_>, size: [u32; 2]) -> Result<()> {
         let (Some(dataset), Some(i), true) = (desk.dataset, self.photo, self.mode.of_photograph()) else {
             return Ok(());
@@ -564,7 +564,7 @@ impl Open {
 
     fn title(&self, desk: &Desk<'_>) {
         let photo = self.photo.zip(desk.dataset).map(|(i, dataset)| &dataset.photos[i].name[..]);
-        // A photograph takes no time.
+        // A photo takes no device time.
         let time = self.screen.time().filter(|_| self.mode != Mode::Photograph).map(|time| {
             let stages = if self.stages.is_empty() { String::new() } else { format!(" ({})", self.stages) };
             format!("{:.1} ms{stages}", 1e3 * time.as_secs_f64())
@@ -582,7 +582,7 @@ impl Open {
             Some(format!("{memory:.1} MB")),
             Some(self.note.clone()).filter(|note| !note.is_empty()),
         ];
-        // Whatever a file is called, a title is one line.
+        // A file name may contain line breaks.
         let title = parts.into_iter().flatten().collect::<Vec<_>>().join(" | ").replace(char::is_control, " ");
         self.window.set_title(&title);
     }
@@ -603,12 +603,12 @@ impl Open {
         Ok(())
     }
 
-    /// Another scene, whose model is given, takes this one's place, unless something is wrong with it.
+    /// Replaces the scene by a dropped file and returns its model. If reading fails, the old scene stays.
     fn drop_in(&mut self, path: &Path, desk: &Desk<'_>) -> Option<Model> {
         let made = desk.lenient.open(path).and_then(|scene| {
             let (middle, radius) = ball(&scene);
             let camera = self.flight.camera();
-            // Where the camera is the coordinates are fine enough, wherever the scene is.
+            // Coordinates are precise around the camera, wherever the scene is.
             let origin = origin_around(camera.eye(), camera.eye().distance(middle).max(radius));
             Scenery::new(self.screen.context(), scene, origin, desk.policy)
         });
@@ -622,7 +622,7 @@ impl Open {
                 self.say("");
                 Some(model)
             }
-            // The window stays as it was.
+            // The window is unchanged.
             Err(error) => {
                 self.complain(&error);
                 None
@@ -630,7 +630,7 @@ impl Open {
         }
     }
 
-    /// What is shown is there in another scene too.
+    /// Falls back to the default mode if the current one does not exist in another scene.
     fn settle_mode(&mut self, model: &Model) {
         if self.scenery.lacks(model, self.mode, self.photo.is_some()).is_some() {
             self.mode = Mode::Augmented;
@@ -638,7 +638,7 @@ impl Open {
     }
 }
 
-/// Where a key goes: right, up, ahead.
+/// Direction of a key: right, up, ahead.
 fn step(code: KeyCode) -> Option<[f64; 3]> {
     Some(match code {
         KeyCode::KeyW => [0.0, 0.0, 1.0],
@@ -651,7 +651,7 @@ fn step(code: KeyCode) -> Option<[f64; 3]> {
     })
 }
 
-/// From 0 on.
+/// Index of a digit key, from 0 on.
 fn digit(code: KeyCode) -> Option<usize> {
     const DIGITS: [[KeyCode; 2]; 8] = [
         [KeyCode::Digit1, KeyCode::Numpad1],
@@ -666,18 +666,18 @@ fn digit(code: KeyCode) -> Option<usize> {
     DIGITS.iter().position(|codes| codes.contains(&code))
 }
 
-/// What files of a scene are called.
+/// Stem of a scene's output files.
 fn stem(path: &Path) -> String {
     path.file_stem().map_or("scene".into(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// The first of numbered files that is not there.
+/// First of numbered files that does not exist.
 fn free(folder: &Path, name: impl Fn(u32) -> String) -> PathBuf {
     let files = (1..).map(|i| folder.join(name(i)));
     files.into_iter().find(|file| file.symlink_metadata().is_err()).unwrap_or_else(|| folder.join(name(0)))
 }
 
-/// The middle of the base's Gaussians, coordinate by coordinate, and the radius around it that has nine of ten.
+/// Median of the base's Gaussians on each axis, and the radius around it that contains nine tenths.
 fn ball(scene: &Scene) -> (DVec3, f64) {
     let at = |mut values: Vec<f64>, share: f64| {
         let n = (share * values.len().saturating_sub(1) as f64) as usize;
@@ -689,7 +689,7 @@ fn ball(scene: &Scene) -> (DVec3, f64) {
     (middle, if radius > 0.0 { radius } else { 1.0 })
 }
 
-/// A camera that sees a ball from a little above.
+/// Camera that sees a ball from slightly above.
 fn overview(middle: DVec3, radius: f64, up: DVec3, [width, height]: [u32; 2]) -> Camera {
     let focal = f64::from(height) / (2.0 * (FIELD / 2.0).tan());
     let ahead = if up.z.abs() < 0.5 { DVec3::Z } else { DVec3::Y };

@@ -30,15 +30,15 @@ const POINTS: &str = "points.ply";
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Synth {
-    /// A standing mirror, a mirror on the floor and a mirror ball among things that do not shine: virtual images
+    /// A standing mirror, a mirror on the floor and a mirror ball among matte objects: virtual images
     Mirror,
     /// Lacquer and satin metal: broad highlights, no sharp reflections
     Gloss,
     /// Nothing reflects: the specular part is 0
     Diffuse,
-    /// Mirrors, gloss and things that do not shine
+    /// Mirrors, gloss and matte surfaces
     Mixed,
-    /// Seven balls of one metal, each blurring what it reflects twice as far as the one before: from 0.5° to 30°
+    /// Seven balls of one metal, each blurring reflections twice as far as the one before: from 0.5° to 30°
     Rough,
 }
 

@@ -1,5 +1,6 @@
-// Covers a splat's ellipse with a quad, and gives its light and alpha at each pixel: the end of project.vert and blend.frag for WebGPU.
-// frame, splats (by Gaussian), pairs (in the order of drawing) -> light, transmittance
+// Covers a splat's ellipse with a quad, and computes its light and alpha at each pixel: the end of
+// project.vert, and blend.frag, for WebGPU.
+// frame, splats (by Gaussian), pairs (in drawing order) -> light, transmittance
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 @group(0) @binding(2) var<storage, read> pairs: array<vec2u>;

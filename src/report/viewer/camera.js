@@ -1,4 +1,5 @@
-// Cameras: world to camera by rows, x to the right, y down, looking along z, as everywhere in glint.
+// Cameras: rotation from world to camera by rows, x to the right, y down, looking along z, as everywhere in
+// glint.
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const sum = (a, b, times) => [a[0] + times * b[0], a[1] + times * b[1], a[2] + times * b[2]];
@@ -7,7 +8,7 @@ const unit = (v) => {
     return length > 0 ? v.map((c) => c / length) : [0, -1, 0];
 };
 
-/** `v` turned by `angle` about the unit vector `axis` (Rodrigues). */
+/** Rotates `v` by `angle` around the unit vector `axis` (Rodrigues). */
 function turned(v, axis, angle) {
     const c = Math.cos(angle), s = Math.sin(angle), along = (1 - c) * dot(axis, v);
     const [x, y, z] = axis;
@@ -15,14 +16,17 @@ function turned(v, axis, angle) {
     return v.map((component, i) => c * component + s * across[i] + along * axis[i]);
 }
 
-/** Between which x/z and y/z the Jacobian is clamped: `limit` times half the image of `view` from its middle. */
+/**
+ * Range of x/z and y/z to which the Jacobian is clamped: `limit` times half the image of `view` around its
+ * middle.
+ */
 function slopes({ width, height, fx, fy, cx, cy }, limit) {
     const middle = [(width / 2 - cx) / fx, (height / 2 - cy) / fy];
     const reach = [(limit * width) / (2 * fx), (limit * height) / (2 * fy)];
     return { low: middle.map((at, i) => at - reach[i]), high: middle.map((at, i) => at + reach[i]) };
 }
 
-/** A camera that begins where `shot` of the scene's description stands and can go round `pivot`; `up` stays upright in doing so. */
+/** Camera that starts at `shot` of the scene's description and orbits `pivot`; `up` remains the upward direction. */
 class Camera {
     constructor(shot, pivot, up) {
         this.shot = shot;
@@ -31,12 +35,12 @@ class Camera {
         this.eye = [0, 1, 2].map((i) => -(r[i] * t[0] + r[3 + i] * t[1] + r[6 + i] * t[2]));
         this.up = up;
         const depth = dot(this.rows[2], sum(pivot, this.eye, -1));
-        // What lies behind the camera is not gone round.
+        // A pivot behind the camera is not orbited.
         const away = Math.hypot(...sum(pivot, this.eye, -1)) || 1;
         this.pivot = depth > 0.1 * away ? pivot : sum(this.eye, this.rows[2], away);
     }
 
-    /** For an image of so many pixels, in the middle of which lies the whole image of the shot. */
+    /** View for an image of this size, with the whole image of the shot in its middle. */
     view(width, height) {
         const { shot, rows, eye } = this;
         const scale = Math.min(width / shot.width, height / shot.height);
@@ -50,9 +54,9 @@ class Camera {
         };
     }
 
-    /** By radians about the upright axis and about the camera's x axis. */
+    /** Orbits by radians around the upward axis and around the camera's x axis. */
     orbit(yaw, pitch) {
-        // Not over the poles, where left and right change places.
+        // Stops before the poles, where left and right would swap.
         const height = Math.asin(Math.max(-1, Math.min(1, dot(this.rows[2], this.up))));
         const most = 1.5;
         pitch = Math.max(Math.min(pitch, Math.max(most - height, 0)), Math.min(-most - height, 0));
@@ -62,7 +66,7 @@ class Camera {
         this.eye = sum(this.pivot, away, 1);
     }
 
-    /** By pixels of an image of that size. What lies as deep as the pivot goes along with the pointer. */
+    /** Moves by pixels of an image of this size. Points as deep as the pivot follow the pointer. */
     pan(dx, dy, width, height) {
         const { fx, fy } = this.view(width, height);
         const depth = Math.hypot(...sum(this.pivot, this.eye, -1));
@@ -71,13 +75,13 @@ class Camera {
         this.pivot = sum(this.pivot, by, 1);
     }
 
-    /** To so many times the distance from the pivot. */
+    /** Multiplies the distance to the pivot by `times`. */
     zoom(times) {
         this.eye = sum(this.pivot, sum(this.eye, this.pivot, -1), times);
     }
 }
 
-/** Where up is: against the mean of the cameras' y axes. */
+/** Upward direction: opposite to the mean of the cameras' y axes. */
 function upOf(shots) {
     return unit(shots.reduce((mean, { rotation }) => sum(mean, rotation.slice(3, 6), -1), [0, 0, 0]));
 }

@@ -1,14 +1,18 @@
-// Draws an order of Gaussians: quads into a floating-point image, then that over the background.
+// Draws Gaussians with WebGL2 in a given order: quads into a floating-point image, which is then laid over
+// the background.
 
-const TEXTURE_WIDTH = 2048; // texels: what every device with WebGL2 has
+const TEXTURE_WIDTH = 2048; // texels; supported by every device with WebGL2
 
 class Painter {
-    /** Of a canvas and a scene. `wanted`: float, half or bytes, the image's precision at most. Throws an Error that says why not. */
+    /**
+     * Painter for a canvas and a scene. `wanted` limits the image's precision: float, half or bytes. Throws
+     * an Error with the reason if it cannot draw.
+     */
     constructor(canvas, scene, wanted) {
         const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, powerPreference: "high-performance" });
         if (!gl) {
-            throw new Error("This page needs WebGL2, which this browser does not offer, or not on this machine. It may help to turn on " +
-                "hardware acceleration in the browser's settings, or to take another browser.");
+            throw new Error("This page needs WebGL2, which this browser does not offer on this machine. Turn on " +
+                "hardware acceleration in the browser's settings, or use another browser.");
         }
         this.name = "WebGL2";
         this.gl = gl;
@@ -40,7 +44,7 @@ class Painter {
         gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
         gl.vertexAttribDivisor(0, 1);
 
-        // rgb: light over what lies behind. alpha: the transmittance, a product.
+        // rgb: light over the Gaussians behind. alpha: the transmittance, a product.
         gl.blendFuncSeparate(gl.ONE, gl.ONE_MINUS_SRC_ALPHA, gl.ZERO, gl.ONE_MINUS_SRC_ALPHA);
         gl.disable(gl.DEPTH_TEST);
         gl.clearColor(0, 0, 0, 1);
@@ -49,7 +53,10 @@ class Painter {
         this.sized = [0, 0];
     }
 
-    /** The most precise image that can be blended into: with 8 bits every one of some hundred Gaussians would be rounded. */
+    /**
+     * Selects the most precise image that supports blending. With 8 bits, hundreds of Gaussians would each
+     * be rounded.
+     */
     chooseTarget(wanted) {
         const gl = this.gl;
         const floats = gl.getExtension("EXT_color_buffer_float");
@@ -75,14 +82,14 @@ class Painter {
             gl.compileShader(shader);
             gl.attachShader(program, shader);
             if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) {
-                throw new Error(`The shader ${id} is refused by this machine's driver: ${gl.getShaderInfoLog(shader)}`);
+                throw new Error(`This machine's driver rejects the shader ${id}: ${gl.getShaderInfoLog(shader)}`);
             }
         }
         gl.linkProgram(program);
         if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
-            throw new Error(`The shaders are refused by this machine's driver: ${gl.getProgramInfoLog(program)}`);
+            throw new Error(`This machine's driver rejects the shaders: ${gl.getProgramInfoLog(program)}`);
         }
-        // A name's place is looked up once.
+        // Caches the locations of uniforms.
         const places = new Map();
         const at = (name) => {
             if (!places.has(name)) places.set(name, gl.getUniformLocation(program, name));
@@ -91,7 +98,7 @@ class Painter {
         return { program, at };
     }
 
-    /** Words as a texture of four each, row by row, bound to `unit` and to the sampler `name`. */
+    /** Uploads words as a texture of four words per texel, row by row, bound to `unit` and to the sampler `name`. */
     texture(unit, words, name) {
         const gl = this.gl;
         const texels = words.length / 4, rows = Math.max(Math.ceil(texels / TEXTURE_WIDTH), 1);
@@ -114,14 +121,14 @@ class Painter {
         if (gl.getError() === gl.OUT_OF_MEMORY) throw new Error(`The scene's ${this.scene.count} Gaussians do not fit this machine's memory.`);
     }
 
-    /** Of the bound texture. Without this, one of whole numbers reads as 0. */
+    /** Turns off filtering for the bound texture; integer textures would otherwise read as 0. */
     unfiltered() {
         const gl = this.gl;
         gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
         gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
     }
 
-    /** Takes an order of Gaussians, back to front. */
+    /** Sets the order of Gaussians, back to front. */
     setOrder(order) {
         const gl = this.gl;
         gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
@@ -129,7 +136,7 @@ class Painter {
         this.count = order.length;
     }
 
-    /** Makes the image that is drawn to as large as the canvas. */
+    /** Resizes the image to the size of the canvas. */
     resize(width, height) {
         const gl = this.gl;
         if (this.sized[0] === width && this.sized[1] === height) return;
@@ -143,8 +150,8 @@ class Painter {
         gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
         gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.image, 0);
         if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE && !gl.isContextLost()) {
-            // Some devices offer an extension that they do not keep to.
-            if (this.format === gl.RGBA8) throw new Error("This machine draws to no image.");
+            // Some devices offer an extension without supporting it.
+            if (this.format === gl.RGBA8) throw new Error("This machine cannot draw to an image.");
             [this.precision, this.format] = this.precision === "float" ? ["half", gl.RGBA16F] : ["bytes", gl.RGBA8];
             this.sized = [0, 0];
             this.resize(width, height);
@@ -181,7 +188,7 @@ class Painter {
         gl.drawArrays(gl.TRIANGLES, 0, 3);
     }
 
-    /** RGB of the last image, 8 bits, rows from the top; right after it was drawn. */
+    /** Reads the last image as 8-bit RGB, rows from the top. Call it directly after drawing. */
     read() {
         const gl = this.gl, [width, height] = this.sized;
         const rgba = new Uint8Array(4 * width * height), rgb = new Uint8Array(3 * width * height);

@@ -1,25 +1,26 @@
-// Draws a scene by WebGPU: it projects, sorts and blends on the GPU, anew with each frame, so no order is ever late.
+// Draws a scene with WebGPU: projects, sorts and blends on the GPU in each frame, so the order is never
+// outdated.
 
 const BYTES_OF_SPLAT = 48; // see shared.wgsl
 const INVOCATIONS = 256; // of a workgroup, and digits of the sort
-const SORT_BLOCK = 1024; // pairs of a workgroup that sorts
-const SHIFTS = [0, 8, 16, 24]; // of the digits of a key
-const TURN_STRIDE = 256; // bytes: where a uniform may begin on every device
+const SORT_BLOCK = 1024; // pairs sorted by a workgroup
+const SHIFTS = [0, 8, 16, 24]; // shifts of a key's digits
+const TURN_STRIDE = 256; // bytes: alignment of uniforms that works on every device
 const FORMATS = { float: "rgba32float", half: "rgba16float", bytes: "rgba8unorm" };
 
 class GpuPainter {
     /**
-     * As Painter's constructor; `asked`: by a device that is a program too, which WebGL2's need not be. The canvas is touched last:
-     * where this throws, another painter can have it.
+     * Creates a painter like Painter's constructor. With `asked`, software devices are accepted, too. The
+     * canvas is used last: if this throws, another painter can still use it.
      */
     static async make(canvas, scene, wanted, asked) {
         const adapter = navigator.gpu && await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
-        if (!adapter) throw new Error("this browser does not offer WebGPU, or not on this machine.");
+        if (!adapter) throw new Error("this browser does not offer WebGPU on this machine.");
         if (adapter.info?.isFallbackAdapter && !asked) throw new Error("this browser's WebGPU runs without a graphics device.");
         const { maxBufferSize, maxStorageBufferBindingSize, maxTextureDimension2D } = adapter.limits;
         const most = Math.min(maxBufferSize, maxStorageBufferBindingSize);
         const largest = Math.max(BYTES_OF_SPLAT * scene.count, scene.harmonics ? scene.harmonics.byteLength : 0);
-        if (largest > most) throw new Error(`the scene's ${scene.count} Gaussians need ${largest} bytes in one piece, and there are ${most}.`);
+        if (largest > most) throw new Error(`the scene's ${scene.count} Gaussians need ${largest} bytes in one buffer, more than ${most}.`);
         const floats = wanted === "float" && adapter.features.has("float32-blendable");
         const device = await adapter.requestDevice({
             requiredLimits: { maxBufferSize, maxStorageBufferBindingSize, maxTextureDimension2D },
@@ -62,18 +63,18 @@ class GpuPainter {
         });
     }
 
-    /** Of at least so many bytes as a binding must have. */
+    /** Creates a buffer with at least the minimum size of a binding. */
     buffer(size, usage) {
         return this.device.createBuffer({ size: Math.max(size, BYTES_OF_SPLAT), usage });
     }
 
-    /** Makes the pipelines; throws an Error where a shader is refused. */
+    /** Compiles the pipelines; throws an Error if a shader is rejected. */
     async compile() {
         const { device, scene } = this;
         const module = async (id) => {
             const made = device.createShaderModule({ code: element(id).textContent });
             const wrong = (await made.getCompilationInfo()).messages.find(({ type }) => type === "error");
-            if (wrong) throw new Error(`the shader ${id} is refused: ${wrong.message} (line ${wrong.lineNum}).`);
+            if (wrong) throw new Error(`the shader ${id} is rejected: ${wrong.message} (line ${wrong.lineNum}).`);
             return made;
         };
         const compute = (module, entryPoint, constants, layout) =>
@@ -92,7 +93,7 @@ class GpuPainter {
         const layout = device.createPipelineLayout({ bindGroupLayouts: [sorting] });
         const ids = ["project-wgsl", "sort-wgsl", "blend-wgsl", "over-wgsl"];
         const [one, sort, splats, over] = await Promise.all(ids.map(module));
-        // rgb: light over what lies behind. alpha: the transmittance, a product.
+        // rgb: light over the Gaussians behind. alpha: the transmittance, a product.
         const behind = "one-minus-src-alpha";
         const blend = { color: { srcFactor: "one", dstFactor: behind }, alpha: { srcFactor: "zero", dstFactor: behind } };
         const [project, count, scan, scatter, draw, lay] = await Promise.all([
@@ -117,22 +118,22 @@ class GpuPainter {
         };
     }
 
-    /** Buffers or other resources, bound in this order. */
+    /** Binds buffers or other resources in this order. */
     group(layout, ...resources) {
         const entry = (resource, binding) => ({ binding, resource: resource instanceof GPUBuffer ? { buffer: resource } : resource });
         return this.device.createBindGroup({ layout, entries: resources.map(entry) });
     }
 
-    /** Takes the canvas. */
+    /** Attaches the painter to the canvas. */
     show(canvas) {
         this.context = canvas.getContext("webgpu");
-        if (!this.context) throw new Error("this browser offers WebGPU, but not to draw on a page.");
+        if (!this.context) throw new Error("this browser offers WebGPU, but cannot draw on a page with it.");
         const { RENDER_ATTACHMENT, COPY_SRC } = GPUTextureUsage;
-        this.device.onuncapturederror = ({ error }) => say(`The graphics device does not draw this: ${error.message}`);
+        this.device.onuncapturederror = ({ error }) => say(`The graphics device cannot draw this: ${error.message}`);
         this.context.configure({ device: this.device, format: this.format, usage: RENDER_ATTACHMENT | COPY_SRC, alphaMode: "opaque" });
     }
 
-    /** Makes the image that is drawn to as large as the canvas. */
+    /** Resizes the image to the size of the canvas. */
     resize(width, height) {
         if (this.image && this.image.width === width && this.image.height === height) return;
         if (this.image) this.image.destroy();
@@ -143,7 +144,7 @@ class GpuPainter {
         this.groups.lay = this.group(this.pipelines.lay.getBindGroupLayout(0), this.frame, this.image.createView());
     }
 
-    /** Writes what the shaders are told of this frame. */
+    /** Writes the uniforms of this frame. */
     tell(view, background, first, last) {
         const { device, scene } = this, { width, height } = view;
         const { low, high } = slopes(view, scene.jacobian_limit);
@@ -153,13 +154,16 @@ class GpuPainter {
         ]);
         device.queue.writeBuffer(this.frame, 0, numbers);
         device.queue.writeBuffer(this.frame, numbers.byteLength, new Uint32Array([first, last]));
-        device.queue.writeBuffer(this.drawn, 0, new Uint32Array([4, 0, 0, 0])); // corners of a quad; project counts the quads
+        device.queue.writeBuffer(this.drawn, 0, new Uint32Array([4, 0, 0, 0])); // vertices of a quad; project counts the quads
         const turns = new Uint32Array((TURN_STRIDE / 4) * SHIFTS.length), count = last - first;
         SHIFTS.forEach((shift, i) => turns.set([shift, count, Math.ceil(count / SORT_BLOCK)], (TURN_STRIDE / 4) * i));
         device.queue.writeBuffer(this.turns, 0, turns);
     }
 
-    /** Draws `view` (see Camera.view) of the Gaussians `first` to `last` (exclusive). Done when `count` says how many were seen. */
+    /**
+     * Draws `view` (see Camera.view) with the Gaussians `first` to `last` (exclusive). When done, `count`
+     * is the number of visible ones.
+     */
     async draw(view, background, [first, last]) {
         const { device, pipelines, groups } = this;
         this.resize(view.width, view.height);
@@ -198,7 +202,7 @@ class GpuPainter {
         this.count = new Uint32Array(await this.fetch(copy))[0];
     }
 
-    /** What `buffer` holds, which then is gone. */
+    /** Reads the content of `buffer` and destroys it. */
     async fetch(buffer) {
         await buffer.mapAsync(GPUMapMode.READ);
         const bytes = buffer.getMappedRange().slice();
@@ -206,10 +210,10 @@ class GpuPainter {
         return bytes;
     }
 
-    /** RGB of the last image, 8 bits, rows from the top; right after it was drawn. */
+    /** Reads the last image as 8-bit RGB, rows from the top. Call it directly after drawing. */
     async read() {
         const { device } = this, texture = this.context.getCurrentTexture(), { width, height } = texture;
-        const bytesPerRow = Math.ceil((4 * width) / 256) * 256; // as copies have it
+        const bytesPerRow = Math.ceil((4 * width) / 256) * 256; // alignment of copies
         const buffer = device.createBuffer({ size: bytesPerRow * height, usage: GPUBufferUsage.COPY_DST | GPUBufferUsage.MAP_READ });
         const encoder = device.createCommandEncoder();
         encoder.copyTextureToBuffer({ texture }, { buffer, bytesPerRow }, [width, height]);

@@ -1,18 +1,19 @@
-// The page: what is shown, from where, and how large.
+// The page: selects Gaussians, camera and size from the address and from user input.
 //
-// Behind the page's address a # can say so: #camera=NAME (or CAMERA NUMBERS, see shotOf) and show=both, base or supplement and
-// background=R,G,B (0 to 1), joined by &. size=WIDTHxHEIGHT makes it a still image of so many pixels, drawn before the page has
-// loaded, without the panel; precision=float blends with 32 bits (bytes with 8), and pixels writes the image's RGB bytes in base64, rows from
-// the top, as the text of an element of the id "pixels". renderer=webgpu or webgl2 says what draws; without it that is WebGPU where the
-// browser has it on a graphics device, but WebGL2 for a still image.
+// The part of the address after # selects the initial state, joined by &: camera=NAME (or numbers, see
+// shotOf), show=both, base or supplement, and background=R,G,B (0 to 1). size=WIDTHxHEIGHT makes the page a
+// still image of this size, drawn before the page has loaded, without the panel. precision=float blends
+// with 32 bits (bytes: 8 bits). pixels writes the image's RGB bytes, rows from the top, in base64 as the
+// text of an element with the id "pixels". renderer=webgpu or webgl2 selects the renderer. By default that
+// is WebGPU if the browser runs it on a graphics device, but WebGL2 for a still image.
 
 const SHOWS = ["both", "base", "supplement"];
-const PRECISIONS = ["half", "float", "bytes"]; // where the browser can; else the next worse
+const PRECISIONS = ["half", "float", "bytes"]; // if the browser supports it; otherwise the next lower one
 const RENDERERS = ["webgpu", "webgl2"];
-const PER_PIXEL = 0.006; // radians a pixel of dragging turns by
-const PER_NOTCH = 0.0012; // of the logarithm of the distance, a pixel of the wheel
+const PER_PIXEL = 0.006; // radians of a turn for each pixel dragged
+const PER_NOTCH = 0.0012; // change in the logarithm of the distance for each pixel of the wheel
 
-const LOST = "The browser has taken the graphics device away; it may give it back.";
+const LOST = "The browser has lost the graphics device; it may restore it.";
 
 const element = (id) => document.getElementById(id);
 
@@ -21,14 +22,17 @@ function say(text) {
     element("message").hidden = !text;
 }
 
-/** Numbers of a text with commas between; an Error that names `field` where they are not `count`. */
+/** Parses comma-separated numbers. Throws an Error that names `field` if there are not `count` of them. */
 function numbers(field, text, count, expected) {
     const values = text.split(",").map((part) => (part.trim() === "" ? NaN : Number(part)));
     if (values.length !== count || !values.every(Number.isFinite)) throw new Error(`#${field}=${text}: expected ${expected}.`);
     return values;
 }
 
-/** The camera that `text` names, or gives as width, height, fx, fy, cx, cy, nine numbers of the rotation by rows and three of the translation. */
+/**
+ * Camera named by `text`, or given as width, height, fx, fy, cx, cy, the nine numbers of the rotation by
+ * rows, and three of the translation.
+ */
 function shotOf(scene, text) {
     const named = scene.cameras.find(({ name }) => name === text);
     if (named) return named;
@@ -40,13 +44,15 @@ function shotOf(scene, text) {
     return { name: "", width, height, fx, fy, cx, cy, rotation, translation };
 }
 
-/** What the address asks for. */
+/** Settings from the address. */
 function wishes(scene) {
     const asked = new URLSearchParams(location.hash.slice(1));
     const show = asked.get("show") || "both";
     if (!SHOWS.includes(show)) throw new Error(`#show=${show}: expected ${SHOWS.join(", ")}.`);
     const size = asked.get("size");
-    if (size !== null && !/^[1-9]\d{0,4}x[1-9]\d{0,4}$/.test(size)) throw new Error(`#size=${size}: expected such as 640x480.`);
+    if (size !== null && !/^[1-9]\d{0,4}x[1-9]\d{0,4}$/.test(size)) {
+        throw new Error(`#size=${size}: expected a size such as 640x480.`);
+    }
     const precision = asked.get("precision") || "half";
     if (!PRECISIONS.includes(precision)) throw new Error(`#precision=${precision}: expected ${PRECISIONS.join(", ")}.`);
     const renderer = asked.get("renderer") || "";
@@ -63,12 +69,12 @@ function wishes(scene) {
     };
 }
 
-/** First and last (exclusive) of the Gaussians that are shown. */
+/** First and last (exclusive) of the Gaussians to show. */
 function rangeOf(scene, show) {
     return [show === "supplement" ? scene.base : 0, show === "base" ? scene.base : scene.count];
 }
 
-/** What draws the scene on `canvas` as the address asks. A device of WebGPU is there only later than at once. */
+/** Creates the painter for `canvas` that the address selects. A WebGPU device is available only asynchronously. */
 async function painterFor(canvas, scene, wish) {
     if (usesGpu(wish)) {
         try {
@@ -81,12 +87,12 @@ async function painterFor(canvas, scene, wish) {
     return new Painter(canvas, scene, wish.precision);
 }
 
-/** Whether WebGPU is tried. */
+/** Whether to try WebGPU. */
 function usesGpu({ renderer, size }) {
     return renderer ? renderer === "webgpu" : !size && !!navigator.gpu;
 }
 
-/** Keeps the page from having loaded, for who waits for that, until what comes back is called: an open document in it has not. */
+/** Delays the page's load event until the returned function is called, by an open document inside the page. */
 function holdLoad() {
     const frame = document.createElement("iframe");
     frame.hidden = true;
@@ -98,13 +104,13 @@ function holdLoad() {
     };
 }
 
-/** Has `painter` draw in the order for `view`, at once. */
+/** Sorts Gaussians for `view` immediately and passes the order to `painter`. */
 function orderNow(painter, scene, view, show) {
     const order = new Uint32Array(scene.count), sort = makeSorter(positionsOf(scene));
     painter.setOrder(order.subarray(0, sort([...view.rowZ, scene.near], ...rangeOf(scene, show), order)));
 }
 
-/** One image, at once. */
+/** Draws a single image immediately. */
 async function still(scene, wish) {
     const canvas = element("canvas"), [width, height] = wish.size;
     canvas.width = width;
@@ -123,7 +129,7 @@ async function still(scene, wish) {
     document.body.append(text);
 }
 
-/** Draws when something has changed, and lets people change it. */
+/** Draws whenever something changes, and handles user input. */
 async function interactive(scene, wish) {
     const canvas = element("canvas"), up = upOf(scene.cameras);
     let painter = await painterFor(canvas, scene, wish);
@@ -131,14 +137,14 @@ async function interactive(scene, wish) {
     let { show, background } = wish;
     let waiting = false, sorted = "", sortTime = 0;
 
-    // WebGPU sorts as it draws; for WebGL2 a worker does.
+    // WebGPU sorts while drawing; WebGL2 needs a worker for that.
     const order = painter.setOrder && new Order(() => positionsOf(scene), (indices, time) => {
         painter.setOrder(indices);
         sortTime = time;
         ask();
     });
 
-    /** Done when the frame is drawn and the status says so. */
+    /** Draws a frame and updates the status. */
     async function frame() {
         waiting = false;
         const ratio = Math.min(window.devicePixelRatio || 1, 2);
@@ -148,16 +154,17 @@ async function interactive(scene, wish) {
         const view = camera.view(width, height);
         const wanted = `${view.rowZ} ${show}`;
         if (order && !sorted) {
-            // The first order is made here: until the worker has read the scene there would be nothing to see.
+            // The first order is made here; waiting for the worker to read the scene would leave the page
+            // empty.
             const begin = performance.now();
             orderNow(painter, scene, view, show);
             sortTime = performance.now() - begin;
             sorted = wanted;
         }
-        // The order before is drawn until the next one is there.
+        // The previous order is drawn until the next one arrives.
         if (order && wanted !== sorted && order.request(view.rowZ, scene.near, ...rangeOf(scene, show))) sorted = wanted;
         await painter.draw(view, background, rangeOf(scene, show));
-        const which = order ? `before the camera, sorted in ${sortTime.toFixed(1)} ms` : "seen, sorted with each frame";
+        const which = order ? `in front of the camera, sorted in ${sortTime.toFixed(1)} ms` : "seen, sorted with each frame";
         element("status").textContent = `${painter.count} of ${scene.count} Gaussians ${which}; ` +
             `${width} x ${height} pixels, drawn by ${painter.name}, blended as ${painter.precision}`;
     }
@@ -203,7 +210,7 @@ async function interactive(scene, wish) {
     }, { passive: false });
     canvas.oncontextmenu = (event) => event.preventDefault();
 
-    // Fingers, pens and the mouse alike, by id.
+    // Fingers, pens and the mouse, by id.
     const pointers = new Map();
     canvas.onpointerdown = (event) => {
         canvas.setPointerCapture(event.pointerId);
@@ -215,7 +222,7 @@ async function interactive(scene, wish) {
         if (!before) return;
         const now = [event.clientX, event.clientY], dx = now[0] - before[0], dy = now[1] - before[1];
         if (pointers.size > 1) {
-            // Half of each finger's way moves, what changes their distance brings nearer.
+            // Each finger pans by half its movement; a change of their distance zooms.
             const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
             const apart = (p) => Math.max(Math.hypot(p[0] - other[0], p[1] - other[1]), 1);
             camera.zoom(apart(before) / apart(now));
@@ -243,7 +250,7 @@ async function interactive(scene, wish) {
         event.preventDefault();
     };
 
-    /** A device that is lost is asked for once more; then the page begins anew without WebGPU. */
+    /** Recreates a lost device once. After a second loss, the page reloads without WebGPU. */
     const watch = async (again) => {
         await painter.device.lost;
         say(LOST);
@@ -274,10 +281,10 @@ async function interactive(scene, wish) {
     }));
     onhashchange = () => location.reload();
     element("panel").hidden = false;
-    await frame(); // at once: a browser that is busy or shows another page would let it wait
+    await frame(); // immediately: a browser that is busy or shows another page would delay it
 }
 
-/** Tells instead of throwing. */
+/** Does `work` and shows an error instead of throwing it. */
 async function attempt(work) {
     try {
         await work();

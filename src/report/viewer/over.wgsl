@@ -1,4 +1,5 @@
-// Lays the Gaussians' light over the background, by a triangle that covers the image: over.vert and over.frag for WebGPU.
+// Lays the Gaussians' light over the background, with a triangle that covers the image: over.vert and
+// over.frag for WebGPU.
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var image: texture_2d<f32>; // rgb, transmittance
 

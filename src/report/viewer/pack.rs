@@ -1,4 +1,4 @@
-//! Gaussians in few bytes, as the page's vertex shader (`project.vert`) takes them apart.
+//! Packs Gaussians into few bytes, as the page's vertex shader (`project.vert`) reads them.
 
 use glam::DVec3;
 
@@ -11,33 +11,36 @@ use crate::{
 const GEOMETRY: usize = 8;
 /// Words of a lobe: 16 bytes.
 const LOBE: usize = 4;
-/// The greatest number in so many bits.
+/// Largest number in 16 and in 15 bits.
 const MAX_16: f64 = 65535.0;
 const MAX_15: f64 = 32767.0;
-/// Half of what a byte with a sign holds is left and right of 0.
+/// Largest value of a signed byte, symmetric around 0.
 const MAX_SIGNED: f32 = 127.0;
 
-/// A scene as blocks of words, the base's Gaussians before the supplement's.
+/// Scene as blocks of words, the base's Gaussians before the supplement's.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Packed {
-    /// By Gaussian: mean (3 × f32); opacity and three log scales (16 bits each); rotation (3 × 15 bits and 2 that say which component of
-    /// the quaternion is missing) and the constant harmonic (3 halves). 16-bit numbers lie in this order, low half of a word first.
+    /// For each Gaussian: mean (3 × f32), opacity and three log scales (16 bits each), rotation (3 × 15
+    /// bits, and 2 bits for the index of the missing quaternion component), and the constant harmonic (3
+    /// halves). 16-bit numbers are in this order, the low half of a word first.
     pub geometry: Vec<u32>,
-    /// By Gaussian, and none where all are of degree 0, or all of the supplement are: a half, the largest of the coefficients, then these
-    /// (k from 1 on, red, green, blue) as signed bytes of it; filled up to 16 bytes.
+    /// For each Gaussian: the largest coefficient as a half, then all coefficients (k from 1 on, red,
+    /// green, blue) as signed bytes relative to it, padded to 16 bytes. Empty if all Gaussians have degree
+    /// 0; the supplement has no rows if all its Gaussians do.
     pub harmonics: Vec<u32>,
-    /// By Gaussian of the supplement, f32: the lobe's direction as a vector whose length is the width, and its sharpness.
+    /// For each Gaussian of the supplement, f32: the lobe's direction as a vector whose length is the
+    /// width, and its sharpness.
     pub lobes: Vec<u32>,
-    /// What 0 and 65535 are as a log scale.
+    /// Log scales encoded as 0 and as 65535.
     pub log_scales: [f32; 2],
-    /// The greater degree of base and supplement, that of `harmonics`.
+    /// The larger degree of base and supplement, used for `harmonics`.
     pub degree: u32,
-    /// Gaussians that `harmonics` are of.
+    /// Number of Gaussians in `harmonics`.
     pub with_harmonics: usize,
 }
 
 impl Packed {
-    /// Means count from `origin`.
+    /// Packs a scene; means count from `origin`.
     pub(super) fn new(scene: &Scene, origin: DVec3) -> Packed {
         let parts = || std::iter::once(&scene.base).chain(scene.supplement.as_ref().map(|s| &s.gaussians));
         let scales = || parts().flat_map(|part| part.log_scales.iter().flatten().copied());
@@ -47,7 +50,8 @@ impl Packed {
         let (mut geometry, mut harmonics, mut with_harmonics) = (Vec::new(), Vec::new(), 0);
         for (part, lobed) in parts().zip([false, true]) {
             (0..part.len()).for_each(|i| geometry.extend(geometry_of(part, i, origin, log_scales)));
-            // The base's come first, so it has a row each even where only the supplement has bands.
+            // The base comes first, so each of its Gaussians has a row even if only the supplement has
+            // bands.
             if part.sh_degree > 0 || !lobed && degree > 0 {
                 (0..part.len()).for_each(|i| harmonics.extend(harmonics_of(part, i, degree)));
                 with_harmonics += part.len();
@@ -59,14 +63,14 @@ impl Packed {
     }
 }
 
-/// Bytes of a Gaussian without and with a lobe, whose harmonics have these degrees.
+/// Bytes of a Gaussian without and with a lobe, if their harmonics have these degrees.
 pub(super) fn bytes_of([plain, lobed]: [u32; 2]) -> [usize; 2] {
-    // The base has rows of the greater degree; the supplement too, or none.
+    // Rows of the base have the larger degree; so have those of the supplement, if there are any.
     let harmonics = harmonic_words(plain.max(lobed));
     [4 * (GEOMETRY + harmonics), 4 * (GEOMETRY + if lobed > 0 { harmonics } else { 0 } + LOBE)]
 }
 
-/// Whole texels of four words: 0, 1, 2, 3.
+/// Words of a row, rounded up to texels of four words: 0, 1, 2 or 3 texels.
 fn harmonic_words(degree: u32) -> usize {
     let above = 3 * (layout::coefficients(degree) - 1);
     if above == 0 { 0 } else { 4 * (2 + above).div_ceil(16) }
@@ -80,7 +84,7 @@ fn geometry_of(part: &Gaussians, i: usize, origin: DVec3, [low, high]: [f32; 2])
     let [sx, sy, sz] = part.log_scales[i].map(|s| (MAX_16 * share(s)).round() as u32);
     let (rotation, opacity) = match rotation_of(part.quats[i]) {
         Some(rotation) => (rotation, MAX_16 / (1.0 + (-f64::from(part.opacities[i])).exp())),
-        // Without a rotation a Gaussian is not seen.
+        // A Gaussian without a rotation is not visible.
         None => ([0; 3], 0.0),
     };
     let [ra, rb, rc] = rotation;
@@ -89,8 +93,9 @@ fn geometry_of(part: &Gaussians, i: usize, origin: DVec3, [low, high]: [f32; 2])
     [x, y, z, pair(opacity.round() as u32, sx), pair(sy, sz), pair(ra, rb), pair(rc, red), pair(green, blue)]
 }
 
-/// The three lesser components of the unit quaternion whose largest is positive, in 15 bits over −√½ to √½; the top bits of the first
-/// two are the number of the one that is missing, low bit first.
+/// Packs a rotation: the three smaller components of the unit quaternion whose largest is positive, in 15
+/// bits each from −√½ to √½. The top bits of the first two hold the index of the missing component, low bit
+/// first.
 fn rotation_of(quat: [f32; 4]) -> Option<[u32; 3]> {
     let quat = quat.map(f64::from);
     let missing = (0..4).max_by(|&a, &b| quat[a].abs().total_cmp(&quat[b].abs()))?;
@@ -107,12 +112,12 @@ fn rotation_of(quat: [f32; 4]) -> Option<[u32; 3]> {
     Some([next(missing & 1), next(missing >> 1), next(0)])
 }
 
-/// Filled up to `degree`.
+/// Row of harmonics, padded to `degree`.
 fn harmonics_of(part: &Gaussians, i: usize, degree: u32) -> impl Iterator<Item = u32> {
     let k = part.sh_coefficients();
     let above = part.sh[i * k + 1..(i + 1) * k].as_flattened();
     let largest = above.iter().fold(0.0f32, |most, v| most.max(v.abs())).min(f16::MAX.to_f32());
-    // Rounded up, so that none is more than 127 of it.
+    // Rounded up, so that no coefficient exceeds 127 steps.
     let nearest = f16::from_f32(largest);
     let scale = if nearest.to_f32() < largest { f16::from_bits(nearest.to_bits() + 1) } else { nearest };
     let step = scale.to_f32() / MAX_SIGNED;
@@ -125,7 +130,7 @@ fn harmonics_of(part: &Gaussians, i: usize, degree: u32) -> impl Iterator<Item =
 
 fn lobe_of(lobes: &Lobes, j: usize) -> [u32; LOBE] {
     let direction = DVec3::from_array(lobes.directions[j].map(f64::from));
-    // Of a length that is none, nothing is seen from anywhere; as in the kernels.
+    // A lobe without a direction is not visible, as in the kernels.
     let known = direction.abs().max_element() >= f64::from(f32::MIN_POSITIVE);
     let vector = if known { direction.normalize() * f64::from(lobes.widths[j]) } else { DVec3::ZERO };
     let [x, y, z] = vector.to_array().map(|v| (v as f32).to_bits());
@@ -142,7 +147,8 @@ mod tests {
     use super::*;
     use crate::{reference::random_scene, scene::Supplement};
 
-    /// What the shader makes of a Gaussian's words: mean, opacity, log scales, quaternion, constant harmonic.
+    /// Decodes a Gaussian's words like the shader: mean, opacity, log scales, quaternion, constant
+    /// harmonic.
     fn unpack(words: &[u32], [low, high]: [f32; 2]) -> ([f32; 3], f64, [f64; 3], [f64; 4], [f32; 3]) {
         let short = |at: usize| words[3 + at / 2] >> (16 * (at % 2)) & 0xFFFF;
         let scale = |at| f64::from(low) + f64::from(high - low) * f64::from(short(at)) / MAX_16;
@@ -161,7 +167,7 @@ mod tests {
         )
     }
 
-    /// Each number is within half a step of what it was, the step being that of its width.
+    /// Each number is within half a step of the original, for the step of its width.
     #[test]
     fn numbers_keep_what_their_widths_hold() {
         for [base, lobed] in [[0, 0], [1, 1], [2, 2], [3, 3], [3, 0], [2, 1], [0, 2]] {
@@ -188,7 +194,8 @@ mod tests {
                 for (found, expected) in scales.iter().zip(part.log_scales[i]) {
                     assert!((found - f64::from(expected)).abs() <= 0.501 * f64::from(range) / MAX_16);
                 }
-                // Three components are half a step of √2 / 32767 off, and the fourth by no more than their sum.
+                // Three components are off by at most half a step of √2 / 32767, and the fourth by at most
+                // their sum.
                 let source = part.quats[i].map(f64::from);
                 let length = source.iter().map(|v| v * v).sum::<f64>().sqrt();
                 let dot: f64 = quat.iter().zip(source).map(|(a, b)| a * b / length).sum();
@@ -224,7 +231,7 @@ mod tests {
         assert_eq!(packed.geometry[3] & 0xFFFF, 0);
         assert_eq!([8, 9, 10].map(|at| f32::from_bits(packed.geometry[at])), [0.0, 2.0, 3.0]);
         assert_eq!(packed.lobes[..3], [0; 3]);
-        // Beyond a half, as far as one goes.
+        // Values beyond a half are clamped to its maximum.
         assert_eq!(packed.harmonics[4] & 0xFFFF, u32::from(f16::MAX.to_bits()));
         assert!(Packed::new(&Scene::default(), DVec3::ZERO).geometry.is_empty());
     }

@@ -1,19 +1,20 @@
 // Projects one Gaussian and places a corner of the quad that covers its ellipse.
 //
-// One instance is one Gaussian, one vertex one corner of its quad. This is glsl/raster/project.comp for WebGL2: what stands above
-// this line when the page is made is that kernel's own shared source (View, to_camera, to_unit, project_covariance, eval_lobe,
-// sh_basis and their constants), so neither can leave the other behind.
+// An instance is a Gaussian, a vertex is a corner of its quad. This is glsl/raster/project.comp for WebGL2.
+// The page inserts that kernel's shared source before this line (View, to_camera, to_unit,
+// project_covariance, eval_lobe, sh_basis and their constants), so both always agree.
 // geometry, harmonics, lobes (by Gaussian, see pack.rs), view -> centre, shape, colour
-// Limits: culled as in the kernel, but for whether a pixel centre is reached, which rasterisation finds out.
-layout(location = 0) in uint gaussian; // its index in the scene, the base first
+// Limits: culled as in the kernel, except for Gaussians that reach no pixel center; rasterization drops
+// these.
+layout(location = 0) in uint gaussian; // index in the scene, the base first
 
-uniform highp usampler2D geometry;  // two texels a Gaussian
-uniform highp usampler2D harmonics; // SH_TEXELS a Gaussian
-uniform highp usampler2D lobes;     // one texel a Gaussian of the supplement
+uniform highp usampler2D geometry;  // two texels for each Gaussian
+uniform highp usampler2D harmonics; // SH_TEXELS for each Gaussian
+uniform highp usampler2D lobes;     // one texel for each Gaussian of the supplement
 uniform View view;
-uniform vec2 log_scale_range; // of the quantised log scales, from and to
+uniform vec2 log_scale_range; // range of the quantized log scales
 uniform uint supplement_first;
-uniform uint harmonics_end;    // what comes from here on has the constant band only
+uniform uint harmonics_end;    // Gaussians from here on have only the constant band
 uniform bool compensate;      // opacity *= sqrt(det0 / det), as in Mip-Splatting
 uniform vec2 image_size;      // px
 
@@ -21,7 +22,8 @@ flat out vec2 centre; // px, y down
 flat out vec4 shape;  // l11, l12, l22 of shared/splat.glsl, opacity
 flat out vec3 colour;
 
-// Vertices are snapped to 1/16 px or less; a quad wider by as much still has every pixel centre of the ellipse.
+// Vertices are snapped to 1/16 px or less. A quad larger by this margin still contains every pixel center
+// of the ellipse.
 const float PAD = 1.0 / 16.0; // px
 
 uvec4 fetch(highp usampler2D data, uint at) {
@@ -30,7 +32,8 @@ uvec4 fetch(highp usampler2D data, uint at) {
 
 vec2 shorts(uint word) { return vec2(word & 0xFFFFu, word >> 16); }
 
-// Three components of 15 bits, of a quaternion (w, x, y, z) whose largest component is positive and left out.
+// Unpacks three components of 15 bits. The largest component of the quaternion (w, x, y, z) is positive and
+// left out.
 vec4 unpack_rotation(uint a, uint b, uint c) {
     vec3 three = (vec3(a & 0x7FFFu, b & 0x7FFFu, c & 0x7FFFu) / 32767.0 - 0.5) * sqrt(2.0);
     float largest = sqrt(max(1.0 - dot(three, three), 0.0));
@@ -47,7 +50,7 @@ float signed_byte(uint words[4 * SH_TEXELS], int at) {
     return float(int(words[at >> 2] << (24 - 8 * (at & 3))) >> 24);
 }
 
-// What the bands above the constant one add toward a unit direction.
+// Color from the bands above the constant one, in a unit direction.
 vec3 view_dependent(uint i, vec3 direction) {
     uint words[4 * SH_TEXELS];
     for (int t = 0; t < SH_TEXELS; ++t) {
@@ -61,7 +64,7 @@ vec3 view_dependent(uint i, vec3 direction) {
     sh_basis(direction, basis);
     vec3 sum = vec3(0.0);
     for (int k = 1; k < (SH_DEGREE + 1) * (SH_DEGREE + 1); ++k) {
-        int at = 2 + 3 * (k - 1); // behind the scale
+        int at = 2 + 3 * (k - 1); // after the scale
         sum += basis[k] * vec3(signed_byte(words, at), signed_byte(words, at + 1), signed_byte(words, at + 2));
     }
     return sum * (unpackHalf2x16(words[0]).x / 127.0);
@@ -69,7 +72,7 @@ vec3 view_dependent(uint i, vec3 direction) {
 #endif
 
 void main() {
-    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside of everything, where this returns early
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside the clip volume, for early returns
     centre = vec2(0.0);
     shape = vec4(0.0);
     colour = vec3(0.0);
@@ -84,7 +87,7 @@ void main() {
 #ifdef HAS_LOBES
     if (gaussian >= supplement_first) {
         uvec4 texel = fetch(lobes, gaussian - supplement_first);
-        // The length of a lobe's direction means nothing, so here it is the width.
+        // The length of a lobe's direction has no meaning, so it encodes the width.
         vec3 direction = uintBitsToFloat(texel.xyz);
         opacity *= eval_lobe(direction, length(direction), uintBitsToFloat(texel.w), normalize(view.eye - mean)).factor;
     }
@@ -115,8 +118,8 @@ void main() {
 #endif
     colour = max(colour, vec3(0.0));
 
-    // alpha >= 1/255 is |w|^2 <= t. The square |u|, |v| <= sqrt(t) around that circle, brought back to pixels, is a parallelogram of
-    // the same area as the tightest rectangle.
+    // alpha >= 1/255 is |w|^2 <= t. The square |u|, |v| <= sqrt(t) around that circle becomes a
+    // parallelogram in pixels, with the same area as the tightest rectangle.
     float t = 2.0 * log(255.0 * opacity);
     float radius = sqrt(max(t + 1e-4 * (1.0 + abs(t)), 0.0));
     vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;

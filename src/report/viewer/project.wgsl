@@ -1,15 +1,17 @@
-// Projects one Gaussian: project.vert for WebGPU, but for the quad's corners, which blend.wgsl places. The functions are those of
-// glsl/shared/gaussian.glsl, unit.glsl and view.glsl once more, where their reasons stand; sh_basis is made of the kernels' own.
-// geometry, harmonics, lobes (by Gaussian, see pack.rs), frame -> splats, pairs for the sort, how many are drawn
-// Limits: 65,535 workgroups, sixteen million Gaussians, more than a page holds.
+// Projects one Gaussian: project.vert for WebGPU, except for the quad's corners, which blend.wgsl places.
+// The functions copy those of glsl/shared/gaussian.glsl, unit.glsl and view.glsl, which explain them;
+// sh_basis is generated from the kernels' own.
+// geometry, harmonics, lobes (by Gaussian, see pack.rs), frame -> splats, pairs for the sort, number of
+// drawn Gaussians
+// Limits: 65,535 workgroups, which is sixteen million Gaussians, more than a page holds.
 override SH_DEGREE: u32;
 override SUPPLEMENT_FIRST: u32;
-override HARMONICS_END: u32; // what comes from here on has the constant band only
-override LOG_SCALE_LOW: f32; // of the quantised log scales
+override HARMONICS_END: u32; // Gaussians from here on have only the constant band
+override LOG_SCALE_LOW: f32; // range of the quantized log scales
 override LOG_SCALE_HIGH: f32;
 override COMPENSATE: bool; // opacity *= sqrt(det0 / det), as in Mip-Splatting
 
-// As drawIndirect reads it.
+// Layout of drawIndirect.
 struct Draw {
     vertices: u32,
     instances: atomic<u32>,
@@ -18,9 +20,9 @@ struct Draw {
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> geometry: array<vec4u>; // two a Gaussian
-@group(0) @binding(2) var<storage, read> harmonics: array<u32>;  // 4 SH_DEGREE words a Gaussian
-@group(0) @binding(3) var<storage, read> lobes: array<vec4u>;    // one a Gaussian of the supplement
+@group(0) @binding(1) var<storage, read> geometry: array<vec4u>; // two for each Gaussian
+@group(0) @binding(2) var<storage, read> harmonics: array<u32>;  // 4 SH_DEGREE words for each Gaussian
+@group(0) @binding(3) var<storage, read> lobes: array<vec4u>;    // one for each Gaussian of the supplement
 @group(0) @binding(4) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(5) var<storage, read_write> pairs: array<vec2u>; // sort key, Gaussian
 @group(0) @binding(6) var<storage, read_write> drawn: Draw;
@@ -29,7 +31,8 @@ var<workgroup> seen: atomic<u32>;
 
 fn shorts(word: u32) -> vec2f { return vec2f(f32(word & 0xFFFFu), f32(word >> 16)); }
 
-// Three components of 15 bits, of a quaternion (w, x, y, z) whose largest component is positive and left out.
+// Unpacks three components of 15 bits. The largest component of the quaternion (w, x, y, z) is positive and
+// left out.
 fn unpack_rotation(a: u32, b: u32, c: u32) -> vec4f {
     let three = (vec3f(vec3u(a, b, c) & vec3u(0x7FFFu)) / 32767.0 - 0.5) * sqrt(2.0);
     let largest = sqrt(max(1.0 - dot(three, three), 0.0));
@@ -46,19 +49,19 @@ fn signed_byte(row: u32, at: u32) -> f32 {
     return f32(extractBits(bitcast<i32>(harmonics[row + (at >> 2)]), 8 * (at & 3), 8));
 }
 
-// What the bands above the constant one add toward a unit direction.
+// Color from the bands above the constant one, in a unit direction.
 fn view_dependent(gaussian: u32, direction: vec3f) -> vec3f {
     let row = 4 * SH_DEGREE * gaussian;
     var basis = sh_basis(direction);
     var sum = vec3f(0.0);
     for (var k = 1u; k < (SH_DEGREE + 1) * (SH_DEGREE + 1); k++) {
-        let at = 2 + 3 * (k - 1); // behind the scale
+        let at = 2 + 3 * (k - 1); // after the scale
         sum += basis[k] * vec3f(signed_byte(row, at), signed_byte(row, at + 1), signed_byte(row, at + 2));
     }
     return sum * (unpack2x16float(harmonics[row]).x / 127.0);
 }
 
-// The vector's direction; zero where it has none.
+// Direction of a vector; zero if it has none.
 fn unit_of(v: vec4f) -> vec4f {
     let a = abs(v);
     let largest = max(max(a.x, a.y), max(a.z, a.w));
@@ -101,7 +104,7 @@ fn project_covariance(p: vec3f, q: vec4f, scale: vec3f) -> Covariance {
     return e;
 }
 
-// The lobe's factor of the opacity toward `v`, a unit vector from the Gaussian to the eye.
+// Factor of the opacity by the lobe, in the direction `v`, a unit vector from the Gaussian to the eye.
 fn lobe_factor(direction: vec3f, width: f32, sharpness: f32, v: vec3f) -> f32 {
     let axis = unit_of(vec4f(direction, 0.0)).xyz;
     let theta = atan2(length(cross(axis, v)), dot(axis, v));
@@ -112,7 +115,8 @@ fn lobe_factor(direction: vec3f, width: f32, sharpness: f32, v: vec3f) -> f32 {
     return exp(2.0 * exp(sharpness) * log_cos);
 }
 
-// Writes the Gaussian's splat. Its sort key: less the farther it is, and NONE where it is not seen.
+// Writes the Gaussian's splat and returns its sort key: smaller if it is farther away, and NONE if it is
+// not visible.
 fn place(gaussian: u32) -> u32 {
     let head = geometry[2 * gaussian];
     let tail = geometry[2 * gaussian + 1];
@@ -125,7 +129,7 @@ fn place(gaussian: u32) -> u32 {
     var opacity = opacity_and_x.x / 65535.0;
     if (gaussian >= SUPPLEMENT_FIRST) {
         let lobe = lobes[gaussian - SUPPLEMENT_FIRST];
-        // The length of a lobe's direction means nothing, so here it is the width.
+        // The length of a lobe's direction has no meaning, so it encodes the width.
         let direction = bitcast<vec3f>(lobe.xyz);
         opacity *= lobe_factor(direction, length(direction), bitcast<f32>(lobe.w), normalize(frame.eye - mean));
     }
@@ -157,7 +161,8 @@ fn place(gaussian: u32) -> u32 {
 @compute @workgroup_size(256)
 fn project(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) lane: u32) {
     if (id.x < frame.last - frame.first) {
-        // From the last to the first: the sort is stable, so of equal depths the last is drawn first, as sort.js has it.
+        // From the last to the first: the sort is stable, so of equal depths the last is drawn first, as in
+        // sort.js.
         let gaussian = frame.last - 1 - id.x;
         let key = place(gaussian);
         pairs[id.x] = vec2u(key, gaussian);

@@ -1,6 +1,6 @@
-// What the page holds: the scene's description (JSON) and its blocks (base64), see pack.rs.
+// Reads the data of the page: the scene's description (JSON) and its blocks (base64), see pack.rs.
 
-/** The bytes of the element `id`, which is emptied: nobody reads the text twice, and it is a third larger than what it says. */
+/** Bytes of the element `id`, which is removed: its text is read only once and is a third larger than the bytes. */
 function bytesOf(id) {
     const element = document.getElementById(id);
     const text = element ? element.textContent : "";
@@ -8,7 +8,7 @@ function bytesOf(id) {
     if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
     const padding = text.endsWith("==") ? 2 : text.endsWith("=") ? 1 : 0;
     const bytes = new Uint8Array((text.length / 4) * 3 - padding);
-    // In pieces of whole groups of four characters, so that no second text of the whole length is made.
+    // Decodes whole groups of four characters at a time, to avoid a second text of the full length.
     const piece = 1 << 20;
     for (let from = 0, at = 0; from < text.length; from += piece) {
         const part = atob(text.slice(from, from + piece));
@@ -17,17 +17,20 @@ function bytesOf(id) {
     return bytes;
 }
 
-/** Bytes as base64. */
+/** Encodes bytes as base64. */
 function textOf(bytes) {
     let text = "";
-    // A call takes some ten thousand arguments.
+    // A call takes only some ten thousand arguments.
     for (let from = 0; from < bytes.length; from += 8192) text += String.fromCharCode(...bytes.subarray(from, from + 8192));
     return btoa(text);
 }
 
-const WORDS_OF_GEOMETRY = 8; // a Gaussian
+const WORDS_OF_GEOMETRY = 8; // for each Gaussian
 
-/** The scene as it lies in the page; typed arrays of little-endian words, as every machine with a browser has them. */
+/**
+ * Reads the scene from the page into typed arrays of little-endian words, the byte order of every machine
+ * with a browser.
+ */
 function readScene() {
     const scene = JSON.parse(document.getElementById("scene").textContent);
     const words = (id) => new Uint32Array(bytesOf(id).buffer);
@@ -38,7 +41,7 @@ function readScene() {
     return scene;
 }
 
-/** x, y, z of every Gaussian, for the sort. */
+/** Positions x, y, z of all Gaussians, for the sort. */
 function positionsOf(scene) {
     const words = new Float32Array(scene.geometry.buffer);
     const positions = new Float32Array(3 * scene.count);

@@ -1,5 +1,5 @@
-// What the page tells the shaders of WebGPU with each frame, and what projection leaves of a Gaussian. Constants that stand above this
-// line when the page is made are those of the GLSL.
+// Uniforms of a frame, and the result of projecting a Gaussian. The page inserts the constants of the GLSL
+// before this line.
 struct Frame {
     row_x: vec4f, // to slope_high: the camera, as in glsl/shared/view.glsl
     row_y: vec4f,
@@ -17,7 +17,7 @@ struct Frame {
     image_size: vec2f, // px
     // two numbers of padding
     background: vec3f,
-    first: u32, // of the Gaussians that are shown
+    first: u32, // of the Gaussians to show
     last: u32,  // exclusive
 }
 

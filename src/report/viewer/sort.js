@@ -1,11 +1,14 @@
-// Orders Gaussians back to front. Runs in a worker, whose source is this function's text; where no worker can be had, in the page.
+// Sorts Gaussians back to front, in a worker whose source is this function's text; without workers, in the
+// page.
 
 /**
- * `positions`: x, y, z of each Gaussian. What comes back sorts Gaussians `first` to `last` (exclusive) by camera z into `order` and
- * says how many are beyond the near plane; the others are left out. `row` is the camera's third row, `near` behind it.
+ * `positions`: x, y, z of each Gaussian. The returned function sorts Gaussians `first` to `last`
+ * (exclusive) by camera z into `order` and returns the number of those beyond the near plane; others are
+ * left out. `row` is the camera's third row, followed by the near plane.
  *
- * Two passes of a counting sort over the 32 bits of z as float32, which for positive numbers are in the order of the numbers. So the
- * order is that of the renderer, exactly: front to back by z, ties by index, read from its end.
+ * Two passes of a counting sort over the 32 bits of z as float32. For positive numbers, these have the
+ * order of the numbers. The result is exactly the renderer's order, front to back by z with ties by index,
+ * but reversed.
  */
 function makeSorter(positions) {
     const most = positions.length / 3;
@@ -17,7 +20,8 @@ function makeSorter(positions) {
         low.fill(0);
         high.fill(0);
         let count = 0;
-        // From the last index to the first, and the far ones first: reversed order, so of equal depths the last comes first.
+        // From the last index to the first, and by inverted depth: the order is reversed, so of equal
+        // depths the last comes first.
         for (let i = last - 1; i >= first; --i) {
             const depth = x * positions[3 * i] + y * positions[3 * i + 1] + z * positions[3 * i + 2] + w;
             if (!(depth > near)) continue;
@@ -45,7 +49,7 @@ function makeSorter(positions) {
     };
 }
 
-/** What the worker does: the first message brings the positions, each other one an order to be filled. */
+/** Code of the worker: the first message brings the positions, each later one an order to fill. */
 function sortInWorker() {
     let sort = null;
     onmessage = ({ data }) => {
@@ -59,9 +63,12 @@ function sortInWorker() {
     };
 }
 
-/** Sorts beside the page, in a worker where one can be had. `done(order, time)` is called for each request; one is under way at a time. */
+/**
+ * Sorts in the background, in a worker if possible. `done(order, time)` is called for each request; only
+ * one runs at a time.
+ */
 class Order {
-    /** `positions()` makes the positions anew. */
+    /** `positions()` computes the positions again. */
     constructor(positions, done) {
         const own = positions();
         this.done = done;
@@ -79,7 +86,7 @@ class Order {
         }
     }
 
-    /** Goes on in the page. */
+    /** Continues in the page, without the worker. */
     alone(positions) {
         this.worker = null;
         this.sort = makeSorter(positions);
@@ -89,7 +96,10 @@ class Order {
         }
     }
 
-    /** Of the row of camera z and the near plane; false where the last request is not done. */
+    /**
+     * Requests an order for the row of camera z and the near plane. Returns false if the last request is
+     * still running.
+     */
     request(row, near, first, last) {
         if (this.busy) return false;
         this.busy = true;

@@ -1,9 +1,9 @@
-// One pass of a stable sort by eight bits of a key, of four that sort by all: count, scan, scatter.
+// One of four passes of a stable radix sort; each sorts by eight bits of the key: count, scan, scatter.
 //
-// A workgroup takes a block of the pairs, and an invocation one digit wherever there is something to do for each. Nothing depends on
-// which invocation comes first, so the order is the same every time.
+// A workgroup handles a block of pairs. An invocation handles one digit in steps that work by digit. The
+// result does not depend on the order of invocations, so it is always the same.
 // pairs, turn -> sorted
-override BLOCK: u32; // pairs a workgroup, a multiple of DIGITS
+override BLOCK: u32; // pairs for each workgroup, a multiple of DIGITS
 
 const DIGITS = 256u;
 const MASKS = DIGITS / 32; // words with a bit for each invocation
@@ -15,15 +15,15 @@ struct Turn {
 }
 
 @group(0) @binding(0) var<uniform> turn: Turn;
-@group(0) @binding(1) var<storage, read> pairs: array<vec2u>; // key, what it is of
+@group(0) @binding(1) var<storage, read> pairs: array<vec2u>; // key, value
 @group(0) @binding(2) var<storage, read_write> sorted: array<vec2u>;
-@group(0) @binding(3) var<storage, read_write> counts: array<u32>; // by digit and block, then what stands before in earlier blocks
+@group(0) @binding(3) var<storage, read_write> counts: array<u32>; // by digit and block, then the sum over earlier blocks
 @group(0) @binding(4) var<storage, read_write> totals: array<u32>; // by digit
 
 var<workgroup> tally: array<atomic<u32>, DIGITS>;
 var<workgroup> sums: array<u32, DIGITS>;
-var<workgroup> next: array<u32, DIGITS>; // where the next pair of a digit goes
-var<workgroup> holders: array<atomic<u32>, MASKS * DIGITS>; // which invocations have a pair of a digit
+var<workgroup> next: array<u32, DIGITS>; // next position of each digit
+var<workgroup> holders: array<atomic<u32>, MASKS * DIGITS>; // invocations that have a pair of a digit, as bits
 
 fn digit_of(pair: vec2u) -> u32 { return (pair.x >> turn.shift) & (DIGITS - 1); }
 
@@ -37,7 +37,7 @@ fn count(@builtin(workgroup_id) block: vec3u, @builtin(local_invocation_index) l
     counts[lane * turn.blocks + block.x] = atomicLoad(&tally[lane]);
 }
 
-// The sum of the values up to the invocation's own; afterwards all are in `sums`.
+// Inclusive sum of the values of all invocations up to this one. Afterwards `sums` has all of them.
 fn running_sum(lane: u32, value: u32) -> u32 {
     workgroupBarrier();
     sums[lane] = value;
@@ -52,7 +52,7 @@ fn running_sum(lane: u32, value: u32) -> u32 {
     return sums[lane];
 }
 
-// A workgroup is one digit.
+// A workgroup handles one digit.
 @compute @workgroup_size(DIGITS)
 fn scan(@builtin(workgroup_id) digit: vec3u, @builtin(local_invocation_index) lane: u32) {
     var before = 0u;
