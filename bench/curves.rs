@@ -184,18 +184,18 @@ fn draw(
         })
         .draw()?;
     for (k, (name, points)) in lines.iter().enumerate() {
-        let colour = Palette99::pick(k).to_rgba();
+        let color = Palette99::pick(k).to_rgba();
         let mean = |seeds: &[[f64; 2]], axis: usize| seeds.iter().map(|p| p[axis]).sum::<f64>() / seeds.len() as f64;
         let means: Vec<(f64, f64)> = points.values().map(|seeds| (mean(seeds, 0), mean(seeds, 1))).collect();
         for (seeds, &(x, y)) in points.values().zip(&means) {
             let [low, high] = seeds.iter().fold([y; 2], |[a, b], p| [a.min(p[1]), b.max(p[1])]);
-            chart.draw_series([PathElement::new([(x, low), (x, high)], colour)])?;
+            chart.draw_series([PathElement::new([(x, low), (x, high)], color)])?;
         }
-        chart.draw_series(means.iter().map(|&at| Circle::new(at, 4, colour.filled())))?;
+        chart.draw_series(means.iter().map(|&at| Circle::new(at, 4, color.filled())))?;
         chart
-            .draw_series([PathElement::new(means, colour.stroke_width(2))])?
+            .draw_series([PathElement::new(means, color.stroke_width(2))])?
             .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
     }
     chart
         .configure_series_labels()

@@ -1,4 +1,4 @@
-//! Measures the fraction of a scene's colour channels that are black from every training camera of a dataset:
+//! Measures the fraction of a scene's color channels that are black from every training camera of a dataset:
 //! a clamp at 0 stops their learning.
 //!
 //!     cargo bench --bench dead -- DATASET SCENE...
@@ -11,7 +11,7 @@ use clap::Parser;
 use glint::{
     Result,
     data::{Dataset, DatasetOptions, Split, read_scene},
-    reference::{Params, harmonics::colour_of},
+    reference::{Params, harmonics::color_of},
 };
 
 #[derive(Parser)]
@@ -31,8 +31,8 @@ fn dead(params: &Params, eyes: &[glam::DVec3]) -> [f64; 2] {
     for i in 0..params.count {
         let mut lit = [false; 3];
         for &eye in eyes {
-            let colour = colour_of(params, i, params.sh_degree, (params.mean(i) - eye).normalize());
-            (0..3).for_each(|c| lit[c] |= colour[c] > 0.0);
+            let color = color_of(params, i, params.sh_degree, (params.mean(i) - eye).normalize());
+            (0..3).for_each(|c| lit[c] |= color[c] > 0.0);
         }
         channels += lit.iter().filter(|lit| !**lit).count();
         whole += usize::from(lit == [false; 3]);

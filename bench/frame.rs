@@ -281,7 +281,7 @@ impl Bytes<'_> {
         let harmonics = sh_planes(self.degree) as f64 * if self.args.half { 2.0 } else { 4.0 };
         let (geometry, splat) = if self.args.half { (32.0, 28.0) } else { (44.0, 36.0) };
         let of_a_view = match stage {
-            // Geometry, keys and tile counts of all Gaussians; harmonics, splats and colours of the visible
+            // Geometry, keys and tile counts of all Gaussians; harmonics, splats and colors of the visible
             // ones.
             "project" => gaussians * (geometry + 8.0) + self.visible * (harmonics + splat),
             // Key and value of every sorted item, read once and written once.

@@ -159,7 +159,7 @@ def nearest(points):
 
 
 def first(points, extent, device):
-    """Parameters and their optimisers. points [N, 6]: positions and colours from 0 to 255."""
+    """Parameters and their optimisers. points [N, 6]: positions and colors from 0 to 255."""
     import torch
 
     count = len(points)

@@ -522,8 +522,8 @@ fn what_a_renderer_was_not_made_for_is_an_error() {
     let short = Buffer::<u32>::zeroed(&gpu, "short", status::WORDS - 1).unwrap();
     let shown = Show::all(&plain, [0.0; 3]);
     assert!(renderer.record(&mut recorder, &plain, &views, 0, &shown, &short).is_err());
-    let colour = Renderer::new(&gpu, Needs::of(&plain), &views, RenderOptions::default()).unwrap();
-    let said = colour.record_depths(&mut recorder, &plain, &views, 0, &shown).unwrap_err().to_string();
+    let color = Renderer::new(&gpu, Needs::of(&plain), &views, RenderOptions::default()).unwrap();
+    let said = color.record_depths(&mut recorder, &plain, &views, 0, &shown).unwrap_err().to_string();
     assert!(said.contains("made without"), "{said}");
     assert!(recorder.finish().is_empty());
 }

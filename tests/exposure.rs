@@ -212,7 +212,7 @@ fn maps_stay_when_a_run_is_planned_anew() {
 /// A single photograph's map would be the scene's exposure: it stays the identity, and the run equals one
 /// without maps.
 #[test]
-fn a_photograph_alone_keeps_its_colours() {
+fn a_photograph_alone_keeps_its_colors() {
     let gpu = Gpu::new();
     let setup = Setup::new(&gpu);
     let rgb = setup.views.download_photograph(0).unwrap();

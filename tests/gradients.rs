@@ -148,7 +148,7 @@ struct Seen {
     live: [usize; 9],
     /// Those of Gaussians with a clamped Jacobian.
     jacobian_clamped: usize,
-    /// Those of Gaussians with a colour channel clamped at 0.
+    /// Those of Gaussians with a color channel clamped at 0.
     color_clamped: usize,
     /// Pixels and Gaussians with an α clamped at 0.99.
     alpha_clamped: usize,
@@ -234,10 +234,10 @@ fn gradients_of_betas_are_central_differences() {
 }
 
 /// Checks the rule itself: an unclamped channel has its derivative. A clamped channel passes the loss's slope
-/// in the colour only if it is negative, so that a step raises the channel. A probe passes it while no
+/// in the color only if it is negative, so that a step raises the channel. A probe passes it while no
 /// curvature is known.
 #[test]
-fn a_clamped_colour_passes_what_raises_it() {
+fn a_clamped_color_passes_what_raises_it() {
     let (mut raised, mut held, mut free) = (0, 0, 0);
     for degree in [3, BETAS] {
         let options = Options { active_degree: degree, ..Default::default() };
@@ -253,7 +253,7 @@ fn a_clamped_colour_passes_what_raises_it() {
             for c in 0..3 {
                 let at = c * params.stride + i;
                 let [got, probed, none] = [&found.params, &probe, &stopped].map(|grads| grads.sh[at]);
-                // The constant's slope is the colour's times Y_0.
+                // The constant's slope is the color's times Y_0.
                 let slope = record[6 + c] * 0.282_094_791_773_878_14;
                 let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * slope.abs();
                 assert!(near(probed, slope), "Gaussian {i}");
@@ -384,7 +384,7 @@ fn what_is_hidden_changes_nothing_and_learns_nothing() {
     let mut walls = problem.params.clone();
     walls.geometry[OPACITY * stride..(OPACITY + 1) * stride][3..].fill(-20.0);
     let bare = problem.render(&walls);
-    // Different Gaussians may stop a pixel, but its colour is the same.
+    // Different Gaussians may stop a pixel, but its color is the same.
     assert_eq!(full.blended.image, bare.blended.image);
     assert_eq!(full.blended.median, bare.blended.median);
     assert!(full.isects.isect_slots.len() > bare.isects.isect_slots.len() + 100);
@@ -440,10 +440,10 @@ fn the_tile_size_changes_nothing() {
     }
 }
 
-/// The image is a convex combination: transmittance and weights sum to 1, so equal colours everywhere give
-/// that colour.
+/// The image is a convex combination: transmittance and weights sum to 1, so equal colors everywhere give
+/// that color.
 #[test]
-fn a_scene_of_one_colour_has_that_colour() {
+fn a_scene_of_one_color_has_that_color() {
     let mut problem = Problem::new(110, 400, 150, Options::default()).grown(0.5, 0.0);
     problem.params.sh.fill(0.0);
     problem.background.fill([0.5; 3]);

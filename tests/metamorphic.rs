@@ -207,7 +207,7 @@ fn crops_are_the_image_and_have_its_gradients() {
         for (r, c) in all_pixels().filter(|&(r, c)| inside(r, c)) {
             let (a, b) = (shot.image[((r - y) * w + c - x) as usize], whole.image[(r * WIDTH + c) as usize]);
             seen += 1;
-            // x − cx is rounded differently: 1e-6 px of centre, 1e-5 of colour, or an α at its threshold.
+            // x − cx is rounded differently: 1e-6 px of centre, 1e-5 of color, or an α at its threshold.
             beyond += u32::from((0..4).any(|k| (a[k] - b[k]).abs() > 2e-5));
         }
         let d = apart(&shot.gradients, &whole.gradients);
@@ -403,7 +403,7 @@ fn moving_turning_and_scaling_the_world_with_its_camera_moves_the_gradients_alik
     for (what, similarity, _) in cases {
         let got = probe.shoot(&similarity.scene(&scene), &similarity.camera(&camera), &ripples(&camera));
         // Means of size 50 are rounded to 4e-6; with depths from 1 and a focal length of 83 px that is 2e-4
-        // px, or 1e-4 of colour.
+        // px, or 1e-4 of color.
         let (share, worst) = images_apart(&got, &want, 5e-4);
         let d = apart(&similarity.back(&got.gradients), &want.gradients);
         println!("{what}: {share:.4} of the pixels meet a threshold, others by {worst:.1e}, gradients by {d:.1e}");

@@ -31,7 +31,7 @@ use glint::{
         lift_points::TAU_PIXELS,
         loss_probe::LEAST_DIFFERENCE,
         random_scene,
-        screen_backward::{RATE_ANGLE, RATE_CENTRE, RATE_COLOUR, RATE_LOG_SCALE, RATE_LOGIT, scale_max},
+        screen_backward::{RATE_ANGLE, RATE_CENTRE, RATE_COLOR, RATE_LOG_SCALE, RATE_LOGIT, scale_max},
         screen_draw::{FIRST_OPACITY, FIRST_SCALE, draw_size},
         screen_prune::{OPACITY_MIN, covered_min},
         ssim_forward::SSIM_WEIGHT,
@@ -121,7 +121,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("screen: largest scale, px", scale_max(9000.0, 9000.0)),
         ("screen: largest scale, of width + height", scale_max(800.0, 1200.0) / 2000.0),
         ("screen: rate of centres, of the mean side", RATE_CENTRE),
-        ("screen: rate of colours", RATE_COLOUR),
+        ("screen: rate of colors", RATE_COLOR),
         ("screen: rate of opacities", RATE_LOGIT),
         ("screen: rate of scales", RATE_LOG_SCALE),
         ("screen: rate of angles", RATE_ANGLE),
@@ -216,7 +216,7 @@ fn the_first_step_of_a_base_is_three_rates_at_most() {
         ("positions", longest(&flat(&after.means), &flat(&before.means)), 2.0 * 1.6e-4 * 2.0 * shorter),
         ("scales", longest(&flat(&after.log_scales), &flat(&before.log_scales)), 5e-3 * shorter),
         ("opacities", longest(&after.opacities, &before.opacities), 0.025),
-        ("colours", longest(&flat(&after.sh), &flat(&before.sh)), 2.5e-3 * shorter),
+        ("colors", longest(&flat(&after.sh), &flat(&before.sh)), 2.5e-3 * shorter),
     ] {
         assert!((moved / (3.0 * rate) - 1.0).abs() < 0.01, "{what} moved by {moved}, their rate is {rate}");
     }
@@ -259,7 +259,7 @@ fn the_first_joint_step_of_lobes_is_as_long_as_their_rates() {
     }
 }
 
-/// In a first step missing bands act as 0, to the bit: they add 0 to colours and gradients.
+/// In a first step missing bands act as 0, to the bit: they add 0 to colors and gradients.
 #[test]
 fn a_supplement_without_bands_learns_as_one_whose_bands_are_0() {
     let gpu = Gpu::new();
@@ -295,10 +295,10 @@ fn a_supplement_without_bands_learns_as_one_whose_bands_are_0() {
     }
 }
 
-/// Visible opacities of the base move; its geometry and colours stay bit for bit; all of the supplement
+/// Visible opacities of the base move; its geometry and colors stay bit for bit; all of the supplement
 /// moves.
 #[test]
-fn joining_leaves_the_bases_geometry_and_colours_bit_for_bit() {
+fn joining_leaves_the_bases_geometry_and_colors_bit_for_bit() {
     let gpu = Gpu::new();
     let built = builtin_scene(300);
     let photos: Vec<_> = built.photos.iter().take(3).collect();

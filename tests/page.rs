@@ -141,9 +141,9 @@ fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
 /// Rounding to 8 bits alone gives 0.25 on average and at most 0.5. Bytes of the harmonics are off by half of
 /// 0.2/127 (`random_scene`'s are at most 0.2): 45 such errors of 0.2/127/√12, times basis functions whose
 /// squares sum up to 15/4π, give 0.1 levels. Halves of light are off by 2^-12 at each of the Gaussians that
-/// matter, the last ten or so: 0.2 levels at white. Taking α = 1/255 or not is worth its colour, a level and
+/// matter, the last ten or so: 0.2 levels at white. Taking α = 1/255 or not is worth its color, a level and
 /// a half. The twin stops with a transmittance t of 1e-4 to 0.01 left; the page continues, and the rest is
-/// worth t times a colour. Colours of this scene are less than 3.
+/// worth t times a color. Colors of this scene are less than 3.
 fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: bool) {
     let mut scene = scene.clone();
     match show {

@@ -53,7 +53,7 @@ fn striped(v: usize) -> Vec<[u8; 3]> {
         let at = 39 + 6 * v as u32;
         (v == 1 || v == 2) && (p % width).abs_diff(at) < 4 && (p / width).abs_diff(12) < 4
     };
-    let colour = |p| {
+    let color = |p| {
         if spot(p) {
             [250, 250, 240]
         } else if stripe(p) {
@@ -62,7 +62,7 @@ fn striped(v: usize) -> Vec<[u8; 3]> {
             GREY
         }
     };
-    (0..width * height).map(colour).collect()
+    (0..width * height).map(color).collect()
 }
 
 struct Outcome {
@@ -195,7 +195,7 @@ fn a_single_view_says_nothing() {
 
 /// The base lacks nothing but is NaN in places; the rest works as usual.
 #[test]
-fn colours_that_are_no_numbers_and_single_views_are_borne() {
+fn colors_that_are_no_numbers_and_single_views_are_borne() {
     let gpu = Gpu::new();
     let mut scene = wall();
     scene.base.sh[40] = [f32::MAX; 3];
@@ -224,11 +224,11 @@ fn a_ratio_of_nothing_adds_nothing_and_learns_nothing() {
     assert_eq!(found.scene, wall());
 }
 
-/// Augments the wall and returns the result with its plan; `colours` gives the photographs' colour by view
+/// Augments the wall and returns the result with its plan; `colors` gives the photographs' color by view
 /// and pixel.
-fn weighed(gpu: &Gpu, colours: impl Fn(usize, u32) -> [u8; 3], options: EnhanceOptions) -> (Enhanced, Spending) {
+fn weighed(gpu: &Gpu, colors: impl Fn(usize, u32) -> [u8; 3], options: EnhanceOptions) -> (Enhanced, Spending) {
     let (width, height) = SIZE;
-    let photo = |v: usize| -> Vec<u8> { (0..width * height).flat_map(|p| colours(v, p)).collect() };
+    let photo = |v: usize| -> Vec<u8> { (0..width * height).flat_map(|p| colors(v, p)).collect() };
     let photos: Vec<Vec<u8>> = (0..4).map(photo).collect();
     let seen: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
     let views = Views::upload(gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();

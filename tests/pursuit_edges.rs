@@ -62,9 +62,9 @@ fn push(base: &mut Gaussians, mean: [f32; 3], log_scale: f32) {
     base.sh.push([-5.0; 3]);
 }
 
-/// Packed pixels; `colour` takes column and row.
-fn photo(camera: &Camera, colour: impl Fn(u32, u32) -> u32) -> Vec<u32> {
-    (0..camera.pixels()).map(|p| colour(p % camera.width, p / camera.width)).collect()
+/// Packed pixels; `color` takes column and row.
+fn photo(camera: &Camera, color: impl Fn(u32, u32) -> u32) -> Vec<u32> {
+    (0..camera.pixels()).map(|p| color(p % camera.width, p / camera.width)).collect()
 }
 
 /// White in a square of 8 px about a pixel, else black.
@@ -155,8 +155,8 @@ fn three() -> Vec<(Camera, Vec<u32>)> {
         let inside = |u: u32, w: u32| v == 1 && u.abs_diff(45) < 4 && w.abs_diff(12) < 4;
         // An object at x is 6.5 px further left in each next camera.
         let stripe = |u: u32| u32::from((20.0..26.0).contains(&(f64::from(u) + 6.5 * f64::from(v))));
-        let colour = |u, w| if inside(u, w) { WHITE } else { BLACK | (stripe(u) * 0x0060_A0C0) };
-        (camera, photo(&camera, colour))
+        let color = |u, w| if inside(u, w) { WHITE } else { BLACK | (stripe(u) * 0x0060_A0C0) };
+        (camera, photo(&camera, color))
     };
     (0..3).map(one).collect()
 }
@@ -255,7 +255,7 @@ fn kinds_and_the_least_gain_are_kept() {
     assert_eq!(fewer.gains, plain.gains[..enough]);
 }
 
-/// A wall of small plates of all colours; the photographs differ by evenly spaced spots and by noise.
+/// A wall of small plates of all colors; the photographs differ by evenly spaced spots and by noise.
 /// Gaussians that would hide the plates are not worth it.
 #[test]
 fn gains_are_what_the_error_falls_by_on_a_texture() {

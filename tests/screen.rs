@@ -269,7 +269,7 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
     assert!(refined.counts[0] >= 20 && refined.rounds <= SCHEDULE.max_rounds, "{refined:?}");
     for p in &gaussians {
         assert!((0.0..=180.0).contains(&p.centre[0]) && (0.0..=160.0).contains(&p.centre[1]));
-        assert!(p.colour.iter().all(|c| (0.0..=1.0).contains(c)));
+        assert!(p.color.iter().all(|c| (0.0..=1.0).contains(c)));
         assert!(p.log_scale.iter().all(|s| *s <= 3.4f32.ln() + 1e-6));
         // The wall's own z, except for pixels past its edge.
         assert!(p.depth == 0.0 || (p.depth - 4.0).abs() < 0.2, "{p:?}");

@@ -526,11 +526,11 @@ fn a_scene_that_learns_is_seen_and_learns_the_same() {
             let (width, height) = (WIDTH as u16, HEIGHT as u16);
             let image = display.client.get_image(ImageFormat::Z_PIXMAP, window, 0, 0, width, height, !0);
             let data = image.unwrap().reply().ok()?.data;
-            // The scene's middle has many colours; the background has one.
-            let mut colours: Vec<[u8; 3]> = data.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
-            colours.sort_unstable();
-            colours.dedup();
-            (colours.len() > 100).then_some(())
+            // The scene's middle has many colors; the background has one.
+            let mut colors: Vec<[u8; 3]> = data.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
+            colors.sort_unstable();
+            colors.dedup();
+            (colors.len() > 100).then_some(())
         });
         if closed {
             let client = &display.client;

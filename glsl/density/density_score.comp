@@ -33,7 +33,7 @@ layout(set = 0, binding = 3, scalar) readonly buffer FirstSlot { uint first_slot
 layout(set = 0, binding = 4, scalar) readonly buffer Splats { Splat splats[]; };
 #define RECORD_CENTRES 5
 #define RECORD_SHAPES 6
-#define RECORD_COLOURS 7
+#define RECORD_COLORS 7
 #define RECORD_WORDS 9
 #include "../shared/records.glsl"
 layout(set = 0, binding = 8, scalar) buffer Scores { vec4 scores[]; };
@@ -43,10 +43,10 @@ layout(set = 0, binding = 8, scalar) buffer Scores { vec4 scores[]; };
 void add(uint at, inout float sums[SUMS]) {
     vec3 part;
     if (!packed_records()) {
-        part = PULLS ? record_centres[at] : record_colours[at];
+        part = PULLS ? record_centres[at] : record_colors[at];
     } else if (PULLS) {
-        vec3 shape, colour;
-        unpack_record(record_words[at], part, shape, colour);
+        vec3 shape, color;
+        unpack_record(record_words[at], part, shape, color);
     } else {
         part = vec3(uintBitsToFloat(record_words[at].xy), 0.0);
     }

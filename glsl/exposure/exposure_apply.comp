@@ -1,7 +1,7 @@
 #version 460
 // Applies a photograph's exposure map to the blended image: c' = M c + b.
 //
-// One thread takes one pixel of a frame. frames, maps, image -> corrected. Transmittance is copied. Colours
+// One thread takes one pixel of a frame. frames, maps, image -> corrected. Transmittance is copied. Colors
 // are not clamped.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"

@@ -38,7 +38,7 @@ void main() {
             vec3 shown = image[at].rgb, g = vec3(image_grad[3 * at], image_grad[3 * at + 1], image_grad[3 * at + 2]);
             vec3 to_image = vec3(0.0);
             [[unroll]] for (uint row = 0; row < 3; ++row) {
-                // If g is 0 the rendered colour may be any value, even NaN.
+                // If g is 0 the rendered color may be any value, even NaN.
                 if (g[row] != 0.0) part[row] += g[row] * vec4(shown, 1.0); // guard: exposure: pixels that count
                 to_image += g[row] * rows[row];
             }

@@ -4,7 +4,7 @@
 // One workgroup. status, sums, maps, moments -> maps, moments
 // Threads add up the sums of exposure_backward, and threads 0 to MAP - 1 step an entry each (Kingma 2014,
 // bias correction by the steps of this photograph). Then the mean over all photographs of (M - I | b) is
-// subtracted from each: a colour that all photographs share belongs to the scene. All sums have a fixed
+// subtracted from each: a color that all photographs share belongs to the scene. All sums have a fixed
 // order.
 // Limits: a gradient that is not finite changes nothing. Nothing changes once status says that a step did not
 // fit.

@@ -1,5 +1,5 @@
 #version 460
-// Computes the 3D Gaussian of each prime group: position, weighted PCA, calibration, colour and lobe (method,
+// Computes the 3D Gaussian of each prime group: position, weighted PCA, calibration, color and lobe (method,
 // section 4.3 to 4.6).
 //
 // One subgroup takes one 2D Gaussian. Its lanes share the sums over the points and the loop over the training
@@ -197,7 +197,7 @@ Lift make_lift(uint item, View view, uint source) {
     lift.mean = view.eye + to_world(view, position);
     lift.log_scale = 0.5 * log(k2 * value);
     lift.quat = quaternion(to_world(view, axis_1), to_world(view, axis_2), to_world(view, axis_3));
-    lift.dc = (vec3(at(COLOUR, item), at(COLOUR + 1, item), at(COLOUR + 2, item)) - 0.5) / SH_C0;
+    lift.dc = (vec3(at(COLOR, item), at(COLOR + 1, item), at(COLOR + 2, item)) - 0.5) / SH_C0;
     lift.opacity = at(LOGIT, item);
     vec3 toward = to_world(view, -position);
     lift.lobe_dir = normalize(toward);

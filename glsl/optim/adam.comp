@@ -13,7 +13,7 @@
 #include "../shared/status.glsl"
 
 layout(constant_id = 2) const bool HAS_LOBES = false;    // the segment is the supplement
-layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, colour and lobes are frozen
+layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, color and lobes are frozen
 layout(constant_id = 4) const bool SPARSE = false;       // skip Gaussians that no view of the step blends
 
 const bool NEWTON = false;
@@ -42,7 +42,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer Status { uint status[]; };
 #define MODEL_STORES
 #include "../shared/model.glsl"
 #include "../shared/unit.glsl"
-#include "../shared/colour.glsl"
+#include "../shared/color.glsl"
 #include "../shared/adam.glsl"
 
 void main() {

@@ -2,7 +2,7 @@
 // Turns intersection records into gradients of a Gaussian's parameters, and steps on them in the same pass.
 //
 // One thread takes one Gaussian of a page and sums its records, see shared/records.glsl.
-// population, records, first_slot, tile_counts, splat_colours (by Gaussian index), views, geometry, sh, lobes, moments (by place)
+// population, records, first_slot, tile_counts, splat_colors (by Gaussian index), views, geometry, sh, lobes, moments (by place)
 // -> geometry, sh, lobes, moments
 // With ACCUMULATE the gradients are added to their own planes, bound in place of the moments, and nothing
 // else changes: `adam` steps once all views of the step are in. Plane GEOMETRY_PLANES counts the views that
@@ -22,7 +22,7 @@
 
 layout(constant_id = 1) const bool COMPENSATE = false;   // as in project
 layout(constant_id = 2) const bool HAS_LOBES = false;    // the segment is the supplement
-layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, colour and lobes are frozen
+layout(constant_id = 3) const bool OPACITY_ONLY = false; // geometry, color and lobes are frozen
 layout(constant_id = 4) const bool SPARSE = false;       // skip Gaussians that this view does not blend
 layout(constant_id = 5) const bool ACCUMULATE = false;   // add gradients up, do not step
 layout(constant_id = 7) const bool NEWTON = false;       // steps by curvature, estimated by probes
@@ -46,10 +46,10 @@ layout(set = 0, binding = 3, scalar) readonly buffer TileCounts { uint tile_coun
 layout(set = 0, binding = 4, scalar) readonly buffer FirstSlot { uint first_slot[]; };
 #define RECORD_CENTRES 5
 #define RECORD_SHAPES 6
-#define RECORD_COLOURS 7
+#define RECORD_COLORS 7
 #define RECORD_WORDS 15
 #include "../shared/records.glsl"
-layout(set = 0, binding = 8, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 8, scalar) readonly buffer SplatColors { vec3 splat_colors[]; };
 #define GEOMETRY 9
 #define SH 10
 #define LOBES 11
@@ -60,7 +60,7 @@ layout(set = 0, binding = 8, scalar) readonly buffer SplatColours { vec3 splat_c
 #define MODEL_STORES
 #include "../shared/model.glsl"
 #include "../shared/gaussian.glsl"
-#include "../shared/colour.glsl"
+#include "../shared/color.glsl"
 #include "../shared/adam.glsl"
 
 #define SUMS RECORD
@@ -89,7 +89,7 @@ void main() {
     [[unroll]] for (uint q = 0; q < 3; ++q) quads[q] = geometry[q * push.stride + place];
     float logit = quads[OPACITY / 4][OPACITY % 4], opacity = sigmoid(logit);
     Gradient g = Gradient(vec3(0.0), vec3(0.0), vec4(0.0), 0.0, vec3(0.0), 0.0, 0.0);
-    vec3 d_colour = vec3(0.0), to_mean = vec3(0.0), mean = quads[MEAN / 4].xyz, scale = exp(quads[LOG_SCALE / 4].xyz);
+    vec3 d_color = vec3(0.0), to_mean = vec3(0.0), mean = quads[MEAN / 4].xyz, scale = exp(quads[LOG_SCALE / 4].xyz);
     float range = 1.0;
 
     if (blended) {
@@ -133,7 +133,7 @@ void main() {
             // every camera would stay black. A probe has no sign: it passes only while the channel's
             // curvature is unknown.
             bvec3 passes = probes() ? equal(known_curvature(place), vec3(0.0)) : lessThan(d_rgb, vec3(0.0));
-            d_colour = d_rgb * max(vec3(greaterThan(splat_colours[i], vec3(0.0))), vec3(passes)); // guard: dead colours
+            d_color = d_rgb * max(vec3(greaterThan(splat_colors[i], vec3(0.0))), vec3(passes)); // guard: dead colors
 
             // Centre and covariance: d/dSigma2D = L^T W L / 2 with W = sum g w w^T, d/dcentre = L^T sum g w. With N = L M (rows n1,
             // n2, of order 1) d/dM = L^T W N, and all that follows is written in N and L J W (rows j1, j2), not in M: a
@@ -210,9 +210,9 @@ void main() {
     if (push.mean_scale != 0.0) {
         g.log_scale += push.mean_scale / (3.0 * of_all) * scale;
     }
-    if (!finite(g) || !finite(d_colour)) return; // guard: NaN gradients
+    if (!finite(g) || !finite(d_color)) return; // guard: NaN gradients
     // Reads each coefficient of harmonics once: for the gradient by the direction, and for its step.
-    ColourAt at = colour_at(to_mean, place);
+    ColorAt at = color_at(to_mean, place);
     vec3 d_to_mean = vec3(0.0);
     [[unroll]] for (uint group = 0; group < GROUPS; ++group) {
         vec4 values[3], grads[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0));
@@ -220,8 +220,8 @@ void main() {
         [[unroll]] for (uint j = 0; j < 4; ++j) {
             uint k = 4 * group + j;
             if (k >= COEFFICIENTS) continue;
-            d_to_mean += direction_gradient(at, k, d_colour, coefficient_of(values, j));
-            set_coefficient(grads, j, coefficient_gradient(at, k, d_colour));
+            d_to_mean += direction_gradient(at, k, d_color, coefficient_of(values, j));
+            set_coefficient(grads, j, coefficient_gradient(at, k, d_color));
         }
         if (!ACCUMULATE) {
             step_sh12(group, place, values, grads);

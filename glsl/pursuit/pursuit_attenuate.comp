@@ -6,7 +6,7 @@
 // `last` gain_keys: the complement of the gain's bits, which sorts by falling gain; NONE if the candidate is
 // not chosen.
 // A candidate explains share * exp(-d^2 / (2 deviation^2)) of a pixel's residual. `share` is the part of the
-// residual that its change of the colour covers along the residual, clamped to between 0 and MOST.
+// residual that its change of the color covers along the residual, clamped to between 0 and MOST.
 // `explained` adds this up in integers, WHOLE for all of a residual, so that the order of candidates does not
 // matter. Two candidates may explain more than there is.
 #extension GL_GOOGLE_include_directive : require
@@ -45,7 +45,7 @@ void main() {
         if (!(alpha > 0.0)) continue;
         float deviation = footprint_px(view, s.z, fit.sigma);
         Beneath under = look(plots[v], view, s.at, deviation);
-        vec3 r = 2.0 * under.difference, change = alpha * (fit.colour - under.render);
+        vec3 r = 2.0 * under.difference, change = alpha * (fit.color - under.render);
         float share = clamp(dot(change, r) / max(dot(r, r), LEAST), 0.0, MOST);
         uvec4 window = window_of(view, s, REACH * deviation);
         for (uint y = window.y; y <= window.w; ++y) {

@@ -1,8 +1,8 @@
 #version 460
-// Finds the size, lobe width, opacity and colour of each candidate with the largest gain over all views.
+// Finds the size, lobe width, opacity and color of each candidate with the largest gain over all views.
 //
 // One thread takes one candidate. sums, candidates -> fits, prices. The gain (see pursuit_score) is concave
-// in the colour and in the opacity alone, so each in turn is set to its optimum, ROUNDS times: colour (A / o
+// in the color and in the opacity alone, so each in turn is set to its optimum, ROUNDS times: color (A / o
 // + B) / C within 0 to 1, opacity (c.A - D) / (E - 2 c.B + |c|^2 C) within OPACITY_MIN and OPACITY_MAX.
 // A fit with a lobe and a plain one are compared by worth, gain over bytes, less `doubt` standard errors:
 // that of a sum over views whose gains are proportional to a l^2. The gain of the best plain fit is stored
@@ -44,23 +44,23 @@ void main() {
                 float worth = w == WIDTHS - 1 ? push.plain_worth : push.lobe_worth;
                 float x[SUMS];
                 [[unroll]] for (uint q = 0; q < SUMS; ++q) x[q] = sums[(w * SUMS + q) * items + item];
-                vec3 a = vec3(x[0], x[1], x[2]), b = vec3(x[3], x[4], x[5]), colour = vec3(0.0);
+                vec3 a = vec3(x[0], x[1], x[2]), b = vec3(x[3], x[4], x[5]), color = vec3(0.0);
                 if (!(x[6] > 0.0)) continue;
                 float opacity = OPACITY_FIRST;
                 for (uint round = 0; round < ROUNDS; ++round) {
-                    colour = clamp((a / opacity + b) / x[6], vec3(0.0), vec3(1.0));
-                    float bend = x[8] - 2.0 * dot(colour, b) + dot(colour, colour) * x[6];
-                    if (bend > 0.0) opacity = clamp((dot(colour, a) - x[7]) / bend, OPACITY_MIN, OPACITY_MAX);
+                    color = clamp((a / opacity + b) / x[6], vec3(0.0), vec3(1.0));
+                    float bend = x[8] - 2.0 * dot(color, b) + dot(color, color) * x[6];
+                    if (bend > 0.0) opacity = clamp((dot(color, a) - x[7]) / bend, OPACITY_MIN, OPACITY_MAX);
                 }
-                float gain = 2.0 * opacity * (dot(colour, a) - x[7]) -
-                             opacity * opacity * (x[8] - 2.0 * dot(colour, b) + dot(colour, colour) * x[6]);
+                float gain = 2.0 * opacity * (dot(color, a) - x[7]) -
+                             opacity * opacity * (x[8] - 2.0 * dot(color, b) + dot(color, color) * x[6]);
                 if (!(gain <= FLOAT_MAX)) continue;
                 if (w == WIDTHS - 1) plain = max(plain, gain);
                 float counts = gain * worth * (1.0 - push.doubt * sqrt(x[9]) / x[6]);
                 if (!(counts > most)) continue;
                 most = counts;
                 float size = push.first_size * pow(push.size_ratio, float(s));
-                best = Fit(sigma_of(size, candidate.px), opacity, lobe_width(w, candidate.theta_bar), colour, gain,
+                best = Fit(sigma_of(size, candidate.px), opacity, lobe_width(w, candidate.theta_bar), color, gain,
                            x[6], 0.0);
             }
         }

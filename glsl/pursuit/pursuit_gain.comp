@@ -43,10 +43,10 @@ void main() {
             float deviation = footprint_px(view, s.z, fit.sigma);
             Beneath under = look(plots[v], view, s.at, deviation);
             float left = 1.0 - float(explained[plots[v].pixel_first + s.pixel]) / WHOLE;
-            vec3 r = 2.0 * left * under.difference, after = r - alpha * (fit.colour - under.render);
+            vec3 r = 2.0 * left * under.difference, after = r - alpha * (fit.color - under.render);
             float area = PI * deviation * deviation, l = alpha / fit.opacity;
             float hidden = alpha * (4.0 * left * under.covariance + alpha * under.variance);
-            // The residual left with the colour that the other views ask for (leave-one-out); without other
+            // The residual left with the color that the other views ask for (leave-one-out); without other
             // views there is no prediction.
             float others = 1.0 - push.caution * area * l * l / fit.support;
             float here = dot(r, r) - dot(after, after) / (others * others) - hidden;

@@ -44,7 +44,7 @@ void main() {
         some = uintBitsToFloat(~gain_keys[i]) >= push.least_gain;
         if (push.budget != NONE) some = some && saturating_add(spent[rank], prices[i]) <= push.budget;
         if (some) {
-            lift = Lift(c.mean, vec3(log(fit.sigma)), vec4(1.0, 0.0, 0.0, 0.0), (fit.colour - 0.5) / SH_C0,
+            lift = Lift(c.mean, vec3(log(fit.sigma)), vec4(1.0, 0.0, 0.0, 0.0), (fit.color - 0.5) / SH_C0,
                         log(fit.opacity / (1.0 - fit.opacity)), c.toward, fit.width, c.theta_bar, 1u);
         }
     }

@@ -1,11 +1,11 @@
 #version 460
-// Sums over the views of a page from which each candidate's best colour, opacity and gain follow, for each
+// Sums over the views of a page from which each candidate's best color, opacity and gain follow, for each
 // size and lobe width.
 //
 // One thread takes one candidate and one size. views, plots, surface_depths, texels, candidates -> sums,
 // which are added to: plane (width * SUMS + s) of item candidate * sizes + size. A page continues the sums of
 // the page before, so the split into pages changes no rounding.
-// With r photograph minus render, b the render, l the lobe's factor and q = exp(-d^2 / 2 s^2) the footprint, an opacity o and colour c
+// With r photograph minus render, b the render, l the lobe's factor and q = exp(-d^2 / 2 s^2) the footprint, an opacity o and color c
 // change the squared error of a view by -S (|r|^2 - |r - o l q (c - b)|^2) over its pixels. With a = pi s^2 and <x> the mean of x under q,
 // S q x = 2 a <x>, and S q^2 x = a <x> as far as the mean under q^2 is the same. Summed over the views that see it the gain is
 // 2 c.(o A + o^2 B) - |c|^2 o^2 C - 2 o D - o^2 E with A = S 2 a l <r>, B = S a l^2 <b>, C = S a l^2, D = S 2 a l <r.b>,

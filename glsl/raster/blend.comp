@@ -1,8 +1,8 @@
 #version 460
-// Blends each tile's splats front to back into colour and transmittance.
+// Blends each tile's splats front to back into color and transmittance.
 //
 // One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
-// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colours or packed_splats, depth_keys, scene_depths, tile_list,
+// tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colors or packed_splats, depth_keys, scene_depths, tile_list,
 // tile_list_count -> image (rgb with background, transmittance), median_ids
 // Kerbl 2023, section 4. A pixel takes a Gaussian if and only if alpha >= 1/255, and stops before
 // transmittance falls below 1e-4.
@@ -15,7 +15,7 @@
 #include "../shared/tile.glsl"
 #include "../shared/slots.glsl"
 
-layout(constant_id = 5) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one colour
+layout(constant_id = 5) const bool BACKGROUND_IMAGE = false; // the background is `backdrop`, not one color
 layout(constant_id = 6) const bool MEDIAN = false;           // also record the Gaussian of median depth
 layout(constant_id = 7) const bool OCCLUDED = false;         // splats behind `scene_depths` are hidden
 layout(constant_id = 8) const bool DIRECT = false;           // `isect_slots` holds Gaussian indices, not slots
@@ -37,7 +37,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slo
 layout(set = 0, binding = 3, scalar) readonly buffer RankBlocks { uvec2 rank_blocks[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer GlobalFromRank { uint global_from_rank[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer SplatColors { vec3 splat_colors[]; };
 layout(set = 0, binding = 7, scalar) readonly buffer Backdrop { vec4 backdrop[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer MedianIds { uint median_ids[]; };
@@ -59,7 +59,7 @@ float occluder(uint at) {
 float x;       // of the pixels' centres
 uint corner_y; // first row of the tile
 float T[PIXELS]; // negative if the pixel is finished; transmittance is the absolute value
-vec3 colour[PIXELS];
+vec3 color[PIXELS];
 uint median[PIXELS];
 float farthest[PIXELS]; // camera z
 // The splat that this lane has loaded.
@@ -85,7 +85,7 @@ void take(uint j) {
         precise float next = T[k] * (1.0 - e.alpha);
         bool met = e.alpha >= ALPHA_MIN; // guard: α from 1/255 on
         bool taken = met && next >= T_MIN;
-        colour[k] += taken ? e.alpha * T[k] * rgb : vec3(0.0);
+        color[k] += taken ? e.alpha * T[k] * rgb : vec3(0.0);
         T[k] = taken ? next : met ? -abs(T[k]) : T[k];
         if (MEDIAN) median[k] = taken && median[k] == NONE && next < push.median_threshold ? id : median[k];
     }
@@ -105,7 +105,7 @@ void main() {
     corner_y = corner.y;
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
         T[k] = -1.0;
-        colour[k] = vec3(0.0);
+        color[k] = vec3(0.0);
         median[k] = NONE;
         farthest[k] = FLOAT_MAX;
         uint py = corner.y + lane_y(k);
@@ -131,10 +131,10 @@ void main() {
             if (PACKED_SPLATS) {
                 PackedSplat packed = packed_splats[global];
                 own = unpack_splat(packed);
-                tint = unpack_colour(packed);
+                tint = unpack_color(packed);
             } else {
                 own = splats[global];
-                tint = splat_colours[global];
+                tint = splat_colors[global];
             }
             if (OCCLUDED) depth = uintBitsToFloat(depth_keys[global]);
         }
@@ -152,7 +152,7 @@ void main() {
             uint at = frame.image_first + py * frame.width + px;
             vec3 behind = BACKGROUND_IMAGE ? backdrop[at].rgb : push.background;
             float passed = abs(T[k]);
-            image[at] = vec4(colour[k] + passed * behind, passed);
+            image[at] = vec4(color[k] + passed * behind, passed);
             if (MEDIAN) median_ids[at] = median[k];
         }
     }

@@ -2,7 +2,7 @@
 // Projects Gaussians into one view: culls them and writes splats, depth keys and tile counts.
 //
 // One thread takes one Gaussian of a page.
-// population, geometry, sh, lobes (by place), views -> splats, splat_colours or packed_splats, depth_keys, tile_counts (by Gaussian index)
+// population, geometry, sh, lobes (by place), views -> splats, splat_colors or packed_splats, depth_keys, tile_counts (by Gaussian index)
 // EWA splatting (Zwicker 2001) as in 3DGS (Kerbl 2023); opacity lobe of AuGS (2026), section 1 of the method.
 // Limits: culled if camera z is not beyond the view's near plane, opacity < 1/255, no pixel centre is
 // reached, or any value is NaN.
@@ -36,13 +36,13 @@ layout(set = 0, binding = 1, scalar) readonly buffer Views { View views[]; };
 #define HALVES
 #include "../shared/model.glsl"
 layout(set = 0, binding = 5, scalar) writeonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 6, scalar) writeonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer SplatColors { vec3 splat_colors[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer DepthKeys { uint depth_keys[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 9, scalar) writeonly buffer PackedSplats { PackedSplat packed_splats[]; };
 
 #include "../shared/gaussian.glsl"
-#include "../shared/colour.glsl"
+#include "../shared/color.glsl"
 
 void main() {
     View view = views[push.view]; // the same for all threads: read before they diverge, so that a CPU reads it once
@@ -87,15 +87,15 @@ void main() {
     uint tiles = tile_count(s, uvec2(TILE_WIDTH, TILE_HEIGHT), uvec2(view.width, view.height));
     if (tiles == 0) return;
 
-    vec3 colour = colour_of(colour_at(normalize(mean - view.eye), place), place);
-    vec3 size = abs(colour);
-    if (!(size.r <= FLOAT_MAX && size.g <= FLOAT_MAX && size.b <= FLOAT_MAX)) return; // guard: colour within float32
+    vec3 color = color_of(color_at(normalize(mean - view.eye), place), place);
+    vec3 size = abs(color);
+    if (!(size.r <= FLOAT_MAX && size.g <= FLOAT_MAX && size.b <= FLOAT_MAX)) return; // guard: color within float32
 
     if (PACKED_SPLATS) {
-        packed_splats[i] = pack_splat(s, max(colour, vec3(0.0)));
+        packed_splats[i] = pack_splat(s, max(color, vec3(0.0)));
     } else {
         splats[i] = s;
-        splat_colours[i] = max(colour, vec3(0.0));
+        splat_colors[i] = max(color, vec3(0.0));
     }
     depth_keys[i] = floatBitsToUint(p.z);
     tile_counts[i] = tiles;

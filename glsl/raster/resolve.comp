@@ -72,7 +72,7 @@ void main() {
     vec4 rendered = image[pixel]; // rgb, and transmittance
     bool whole = push.blend == OPAQUE && push.exposure == 1.0; // the image is over its background, else over black
     float T = rendered.a, alpha = whole ? 1.0 : 1.0 - T;
-    // The colour before multiplication by alpha.
+    // The color before multiplication by alpha.
     vec3 straight = alpha > 0.0 ? rendered.rgb / alpha : vec3(0.0);
     if (CURVES && push.exposure != 1.0) straight = to_encoded(push.exposure * to_linear(straight));
     bool linear = CURVES && push.linear != 0;

@@ -31,14 +31,14 @@ layout(set = 0, binding = 4, scalar) readonly buffer TileCounts { uint tile_coun
 layout(set = 0, binding = 5, scalar) readonly buffer FirstSlot { uint first_slot[]; };
 #define RECORD_CENTRES 6
 #define RECORD_SHAPES 7
-#define RECORD_COLOURS 8
+#define RECORD_COLORS 8
 #include "../shared/records.glsl"
 layout(set = 0, binding = 9, scalar) buffer ScreenPlanes { float screen_planes[]; };
 layout(set = 0, binding = 10, scalar) buffer ScreenAges { uint screen_ages[]; };
 layout(set = 0, binding = 11, scalar) buffer ScreenMoments { float screen_moments[]; };
 
 const float RATE_CENTRE = 0.001; // times the mean of width and height
-const float RATE_COLOUR = 0.01, RATE_LOGIT = 0.02, RATE_LOG_SCALE = 0.001, RATE_ANGLE = 0.02;
+const float RATE_COLOR = 0.01, RATE_LOGIT = 0.02, RATE_LOG_SCALE = 0.001, RATE_ANGLE = 0.02;
 const float BETA1 = 0.9, EPSILON = 1e-15;
 const float BETA2 = 0.999, LOG_BETA1 = -0.105360515657826, LOG_BETA2 = -0.00100050033358353;
 const float GRADIENT_MAX = 1e17; // its square, times the correction of 1000, is within float32
@@ -90,9 +90,9 @@ void main() {
     float g[LEARNED];
     g[CENTRE] = e.l11 * w.x;
     g[CENTRE + 1] = e.l12 * w.x + e.l22 * w.y;
-    g[COLOUR] = d_rgb.r;
-    g[COLOUR + 1] = d_rgb.g;
-    g[COLOUR + 2] = d_rgb.b;
+    g[COLOR] = d_rgb.r;
+    g[COLOR + 1] = d_rgb.g;
+    g[COLOR + 2] = d_rgb.b;
     // 1 - sigmoid(x) as sigmoid(-x): from a logit of 17 on the difference is 0 in float32.
     g[LOGIT] = d_opacity * e.compensation * sigma / (1.0 + exp(at(LOGIT, i))); // guard: slope of a high 2D opacity
     // d/dSigma2D = L^T W L / 2 with W = sum g w w^T. Along the axes p, q of S = v1 p p^T + v2 q q^T this is
@@ -120,7 +120,7 @@ void main() {
     float log_scale_max = log(scale_max(frame.width, frame.height));
     step_one(CENTRE, i, g[CENTRE], rate_centre, c1, c2, 0.0, width);
     step_one(CENTRE + 1, i, g[CENTRE + 1], rate_centre, c1, c2, 0.0, height);
-    for (uint c = 0; c < 3; ++c) step_one(COLOUR + c, i, g[COLOUR + c], RATE_COLOUR, c1, c2, 0.0, 1.0);
+    for (uint c = 0; c < 3; ++c) step_one(COLOR + c, i, g[COLOR + c], RATE_COLOR, c1, c2, 0.0, 1.0);
     step_one(LOGIT, i, g[LOGIT], RATE_LOGIT, c1, c2, -huge, huge);
     for (uint k = 0; k < 2; ++k) {
         step_one(LOG_SCALE + k, i, g[LOG_SCALE + k], RATE_LOG_SCALE, c1, c2, -huge, log_scale_max);

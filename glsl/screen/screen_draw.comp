@@ -192,7 +192,7 @@ void main() {
                 vec3 rgb = clamp(image[frame.image_first + p].rgb, vec3(0.0), vec3(1.0));
                 screen_planes[CENTRE * push.stride + i] = float(p % frame.width) + 0.5;
                 screen_planes[(CENTRE + 1) * push.stride + i] = float(p / frame.width) + 0.5;
-                for (uint c = 0; c < 3; ++c) screen_planes[(COLOUR + c) * push.stride + i] = rgb[c];
+                for (uint c = 0; c < 3; ++c) screen_planes[(COLOR + c) * push.stride + i] = rgb[c];
                 screen_planes[LOGIT * push.stride + i] = FIRST_OPACITY_LOGIT;
                 screen_planes[LOG_SCALE * push.stride + i] = log_scale;
                 screen_planes[(LOG_SCALE + 1) * push.stride + i] = log_scale;

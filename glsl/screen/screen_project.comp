@@ -27,7 +27,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer ScreenStates { ScreenState 
 layout(set = 0, binding = 3, scalar) readonly buffer Depths { float depths[]; };
 layout(set = 0, binding = 4, scalar) buffer ScreenPlanes { float screen_planes[]; };
 layout(set = 0, binding = 5, scalar) writeonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 6, scalar) writeonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 6, scalar) writeonly buffer SplatColors { vec3 splat_colors[]; };
 layout(set = 0, binding = 7, scalar) writeonly buffer DepthKeys { uint depth_keys[]; };
 layout(set = 0, binding = 8, scalar) writeonly buffer TileCounts { uint tile_counts[]; };
 
@@ -60,11 +60,11 @@ void main() {
     if (!(s.shape.w >= ALPHA_MIN)) return;
     uint tiles = tile_count(s, uvec2(TILE_WIDTH, TILE_HEIGHT), uvec2(frame.width, frame.height));
     if (tiles == 0) return;
-    vec3 colour = vec3(at(COLOUR, i), at(COLOUR + 1, i), at(COLOUR + 2, i));
-    float sum = colour.r + colour.g + colour.b;
-    if (isnan(sum) || isinf(sum)) return; // guard: 2D: colours
+    vec3 color = vec3(at(COLOR, i), at(COLOR + 1, i), at(COLOR + 2, i));
+    float sum = color.r + color.g + color.b;
+    if (isnan(sum) || isinf(sum)) return; // guard: 2D: colors
     splats[i] = s;
-    splat_colours[i] = colour;
+    splat_colors[i] = color;
     depth_keys[i] = z > 0.0 ? floatBitsToUint(z) : FARTHEST;
     tile_counts[i] = tiles;
 }

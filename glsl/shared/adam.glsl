@@ -163,7 +163,7 @@ void step_lobe(uint q, uint place, vec4 g, vec4 rate, vec4 lo, vec4 hi) {
     if (writes_second()) lobe_moments[at + push.stride] = second;
 }
 
-// Gradient by all parameters but the colour's.
+// Gradient by all parameters but the color's.
 struct Gradient {
     vec3 mean, log_scale;
     vec4 quat;

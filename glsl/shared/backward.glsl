@@ -2,11 +2,11 @@
 // which differ only in `put`, the destination of a record.
 //
 // One subgroup takes one tile, see shared/tile.glsl. It goes front to back again with the forward pass's
-// arithmetic, so every decision is the same bit for bit and transmittance is never divided back. The colour
-// behind a Gaussian is the final colour less the colour passed so far. Sums over a tile's pixels are subgroup
+// arithmetic, so every decision is the same bit for bit and transmittance is never divided back. The color
+// behind a Gaussian is the final color less the color passed so far. Sums over a tile's pixels are subgroup
 // reductions.
 // The record is in whitened coordinates, see docs/design-notes.md. With SCORES, image_grad comes from
-// density_image, and only the first two components of `colour` are summed, by blend weight. The rest of the
+// density_image, and only the first two components of `color` are summed, by blend weight. The rest of the
 // record then compiles to nothing.
 #include "common.glsl"
 #include "splat.glsl"
@@ -20,7 +20,7 @@ layout(constant_id = 5) const bool SCORES = false;
 // Called with the record of every intersection that some pixel blends. If the Gaussian learns only its
 // opacity, only `centre` is valid, see records.glsl.
 struct Record {
-    vec3 centre, shape, colour;
+    vec3 centre, shape, color;
 };
 void put(uint slot, uint global, bool all, Record record);
 
@@ -38,7 +38,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer IsectSlots { uint isect_slo
 layout(set = 0, binding = 3, scalar) readonly buffer RankBlocks { uvec2 rank_blocks[]; };
 layout(set = 0, binding = 4, scalar) readonly buffer GlobalFromRank { uint global_from_rank[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer SplatColours { vec3 splat_colours[]; };
+layout(set = 0, binding = 6, scalar) readonly buffer SplatColors { vec3 splat_colors[]; };
 layout(set = 0, binding = 7, scalar) readonly buffer Image { vec4 image[]; };
 layout(set = 0, binding = 8, scalar) readonly buffer ImageGrad { float image_grad[]; };
 layout(set = 0, binding = 9, scalar) readonly buffer Population { uint segment_first[]; };
@@ -50,7 +50,7 @@ float x;       // of the pixels' centres
 uint corner_y; // first row of the tile
 uint live;     // a bit for each pixel that is not finished
 float T[PIXELS];
-float behind[PIXELS]; // image_grad . (colour that is still to come, background included)
+float behind[PIXELS]; // image_grad . (color that is still to come, background included)
 vec3 grad[PIXELS];
 // The splat that this lane has loaded, and its record.
 Splat own;
@@ -100,14 +100,14 @@ void take(uint j) {
     // guard: blended without a gradient
     Record total = Record(vec3(1.0, 0.0, 0.0), vec3(0.0), vec3(0.0));
     if (SCORES) {
-        total.colour.xy = summed(sum_rgb.xy);
+        total.color.xy = summed(sum_rgb.xy);
     } else {
         total.centre.z = summed(sum_opacity);
     }
     if (!SCORES && all) {
         total.centre.xy = summed(sum_w);
         total.shape = summed(sum_ww);
-        total.colour = summed(sum_rgb);
+        total.color = summed(sum_rgb);
     }
     if (gl_SubgroupInvocationID == j) {
         record = total;
@@ -154,7 +154,7 @@ void tile_backward() {
             slot = isect_slots[mine];
             global = global_from_rank[rank_of(rank_blocks[slot / SLOTS_PER_BLOCK], slot)];
             own = splats[global];
-            tint = splat_colours[global];
+            tint = splat_colors[global];
             learns = global >= all_first;
         }
         blended = false;

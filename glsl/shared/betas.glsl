@@ -1,11 +1,11 @@
-// Colour by spherical betas (Liu et al. 2025, "Deformable Beta Splatting", and the release's parameters).
+// Color by spherical betas (Liu et al. 2025, "Deformable Beta Splatting", and the release's parameters).
 // Besides a constant, like that of harmonics, a Gaussian has lobes of light, each pointing to where its
 // cosine is 1,
-//     sum over lobes of softplus(colour) max(0, mu . v)^(4 exp(b)),   mu = (sin theta cos phi, sin theta sin phi, cos theta),
+//     sum over lobes of softplus(color) max(0, mu . v)^(4 exp(b)),   mu = (sin theta cos phi, sin theta sin phi, cos theta),
 // v from the eye to the Gaussian and softplus(x) = log2(1 + 2^(10 x)) / 10. A lobe only adds light; with
-// colour 0 it adds a tenth.
+// color 0 it adds a tenth.
 //
-// Coefficient 0 of a Gaussian is the constant, 1 + 2m the colour of lobe m, and 2 + 2m its theta, phi and b.
+// Coefficient 0 of a Gaussian is the constant, 1 + 2m the color of lobe m, and 2 + 2m its theta, phi and b.
 // The including kernel also includes unit.glsl.
 #include "trig.glsl"
 
@@ -19,7 +19,7 @@ const float BETA_MAX = 7.0;
 bool is_beta_b(uint plane) { return plane > 3 && plane % 6 == 2; } // `plane` of `sh`
 
 struct Beta {
-    vec3 light, slope; // softplus of the colour and its derivative
+    vec3 light, slope; // softplus of the color and its derivative
     vec3 axis;
     float factor;      // max(0, mu . v)^(4 exp(b))
     float by_cosine;   // derivatives of `factor`: by mu . v,
@@ -29,10 +29,10 @@ struct Beta {
 // Reduces an angle from a file to one turn.
 float within_turn(float angle) { return clamp(angle - 2.0 * PI * round(angle / (2.0 * PI)), -PI, PI); }
 
-Beta beta_at(vec3 v, vec3 colour, vec3 shape) {
+Beta beta_at(vec3 v, vec3 color, vec3 shape) {
     Beta l;
-    l.light = max(colour, vec3(0.0)) + 0.1 * log2(1.0 + exp2(-10.0 * abs(colour)));
-    l.slope = 1.0 / (1.0 + exp2(-10.0 * colour));
+    l.light = max(color, vec3(0.0)) + 0.1 * log2(1.0 + exp2(-10.0 * abs(color)));
+    l.slope = 1.0 / (1.0 + exp2(-10.0 * color));
     float theta = within_turn(shape.x), phi = within_turn(shape.y);
     vec2 of_theta = cos_sin(theta), of_phi = cos_sin(phi);
     float sin_theta = of_theta.y, cos_theta = of_theta.x, sin_phi = of_phi.y, cos_phi = of_phi.x;

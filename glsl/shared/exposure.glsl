@@ -1,4 +1,4 @@
-// Layout shared by the kernels of exposure correction. Each training photograph has an affine map of colours,
+// Layout shared by the kernels of exposure correction. Each training photograph has an affine map of colors,
 // c' = M c + b, applied to the blended image before the comparison (3DGS, "exposure compensation", 2024).
 #include "frame.glsl"
 

@@ -1,6 +1,6 @@
-// A splat and its colour in 28 bytes, for rendering without gradients. Include shared/splat.glsl first.
+// A splat and its color in 28 bytes, for rendering without gradients. Include shared/splat.glsl first.
 //
-// Conic factor and centre stay float32: the effect of an error in them grows with the splat. Colours are half
+// Conic factor and centre stay float32: the effect of an error in them grows with the splat. Colors are half
 // floats. The opacity is in units of ALPHA_MIN / 256, so that rounding takes none below ALPHA_MIN: the error
 // is at most 8e-6.
 struct PackedSplat {
@@ -19,10 +19,10 @@ float opacity_of(uint word) {
     return opacity;
 }
 
-PackedSplat pack_splat(Splat s, vec3 colour) {
+PackedSplat pack_splat(Splat s, vec3 color) {
     // Rounded to nearest here: Vulkan leaves the rounding of packing open, except for values that a half can
     // represent.
-    vec3 c = uintBitsToFloat((floatBitsToUint(min(colour, vec3(MOST_HALF))) + 0x1000u) & ~0x1fffu);
+    vec3 c = uintBitsToFloat((floatBitsToUint(min(color, vec3(MOST_HALF))) + 0x1000u) & ~0x1fffu);
     return PackedSplat(uvec4(floatBitsToUint(s.shape.xyz), floatBitsToUint(s.centre.x)),
                        uvec3(floatBitsToUint(s.centre.y), packHalf2x16(vec2(0.0, c.r)) | opacity_word(s.shape.w), packHalf2x16(c.gb)));
 }
@@ -31,4 +31,4 @@ Splat unpack_splat(PackedSplat p) {
     return Splat(vec4(uintBitsToFloat(p.first.xyz), opacity_of(p.rest.y)), vec2(uintBitsToFloat(p.first.w), uintBitsToFloat(p.rest.x)));
 }
 
-vec3 unpack_colour(PackedSplat p) { return vec3(unpackHalf2x16(p.rest.y).y, unpackHalf2x16(p.rest.z)); }
+vec3 unpack_color(PackedSplat p) { return vec3(unpackHalf2x16(p.rest.y).y, unpackHalf2x16(p.rest.z)); }

@@ -6,11 +6,11 @@
 // into that binding instead.
 //
 // The kernel declares push.by_gaussian (not 0: records are by Gaussian, added up already), tile_counts and
-// first_slot, and the bindings RECORD_CENTRES, RECORD_SHAPES and RECORD_COLOURS.
+// first_slot, and the bindings RECORD_CENTRES, RECORD_SHAPES and RECORD_COLORS.
 const uint RECORD = 9; // floats: sum g w_u, g w_v, d/d opacity; g w_u^2, g w_u w_v, g w_v^2; d/d rgb
 layout(set = 0, binding = RECORD_CENTRES, scalar) readonly buffer RecordCentres { vec3 record_centres[]; };
 layout(set = 0, binding = RECORD_SHAPES, scalar) readonly buffer RecordShapes { vec3 record_shapes[]; };
-layout(set = 0, binding = RECORD_COLOURS, scalar) readonly buffer RecordColours { vec3 record_colours[]; };
+layout(set = 0, binding = RECORD_COLORS, scalar) readonly buffer RecordColors { vec3 record_colors[]; };
 #ifdef RECORD_WORDS
 #include "packed_record.glsl"
 layout(set = 0, binding = RECORD_WORDS, scalar) readonly buffer RecordWords { uvec4 record_words[]; };
@@ -25,23 +25,23 @@ uvec2 records_of(uint i) {
 }
 
 void add_record(uint at, bool all, inout float sums[RECORD]) {
-    vec3 centre, shape = vec3(0.0), colour = vec3(0.0);
+    vec3 centre, shape = vec3(0.0), color = vec3(0.0);
 #ifdef RECORD_WORDS
     if (packed_records()) {
-        unpack_record(record_words[at], centre, shape, colour);
+        unpack_record(record_words[at], centre, shape, color);
     } else
 #endif
     {
         centre = record_centres[at];
         if (all) {
             shape = record_shapes[at];
-            colour = record_colours[at];
+            color = record_colors[at];
         }
     }
     [[unroll]] for (uint c = 0; c < 3; ++c) {
         sums[c] += centre[c];
         if (!all) continue;
         sums[3 + c] += shape[c];
-        sums[6 + c] += colour[c];
+        sums[6 + c] += color[c];
     }
 }

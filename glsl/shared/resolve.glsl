@@ -5,7 +5,7 @@ const uint BGRA8 = 1;   // a word, B in the low byte
 const uint RGBA16F = 2; // two words
 const uint RGBA32F = 3; // four words
 // Blend modes: what lies behind the Gaussians.
-const uint OPAQUE = 0;        // a background colour
+const uint OPAQUE = 0;        // a background color
 const uint PREMULTIPLIED = 1; // nothing: rgb is multiplied by alpha
 const uint OVER = 2;          // the target's content
 const float HALF_MAX = 65504.0; // largest half float

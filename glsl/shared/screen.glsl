@@ -7,7 +7,7 @@
 // empty.
 #include "trig.glsl"
 
-const uint CENTRE = 0, COLOUR = 2, LOGIT = 5, LOG_SCALE = 6, ANGLE = 8, DEPTH = 9;
+const uint CENTRE = 0, COLOR = 2, LOGIT = 5, LOG_SCALE = 6, ANGLE = 8, DEPTH = 9;
 const uint LEARNED = 9; // planes that have moments
 const uint SCREEN_PLANES = 10;
 

@@ -1,4 +1,4 @@
-// A Gaussian projected into one view, without its colour (`splat_colours`) and depth (`depth_keys`), and the
+// A Gaussian projected into one view, without its color (`splat_colors`) and depth (`depth_keys`), and the
 // tiles that its ellipse covers.
 struct Splat {
     vec4 shape;  // factor of the conic (l11, l12, l22): w = (l11 dx + l12 dy, l22 dy), exponent -|w|^2/2; opacity: sigmoid(logit) *

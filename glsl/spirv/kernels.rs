@@ -14,7 +14,7 @@ pub struct Fit {
     pub sigma: f32,
     pub opacity: f32,
     pub width: f32,
-    pub colour: [f32; 3],
+    pub color: [f32; 3],
     pub gain: f32,
     pub support: f32,
     pub plain: f32,
@@ -282,7 +282,7 @@ kernel! {
         Read splats: Splat = 0b111111,
         Read record_centres: [f32; 3] = 0b111,
         Read record_shapes: [f32; 3] = 0b111,
-        Read record_colours: [f32; 3] = 0b111,
+        Read record_colors: [f32; 3] = 0b111,
         ReadWrite scores: [f32; 4] = 0b1111,
         Read record_words: [u32; 4] = 0b0,
     }
@@ -567,8 +567,8 @@ kernel! {
         Read first_slot: u32 = 0b0,
         Read record_centres: [f32; 3] = 0b111,
         Read record_shapes: [f32; 3] = 0b111,
-        Read record_colours: [f32; 3] = 0b111,
-        Read splat_colours: [f32; 3] = 0b111,
+        Read record_colors: [f32; 3] = 0b111,
+        Read splat_colors: [f32; 3] = 0b111,
         ReadWrite geometry: [f32; 4] = 0b1111,
         ReadWrite sh: [f32; 4] = 0b1111,
         ReadWrite lobes: [f32; 4] = 0b1111,
@@ -763,7 +763,7 @@ kernel! {
         Read rank_blocks: [u32; 2] = 0b0,
         Read global_from_rank: u32 = 0b0,
         Read splats: Splat = 0b111111,
-        Read splat_colours: [f32; 3] = 0b111,
+        Read splat_colors: [f32; 3] = 0b111,
         Read backdrop: [f32; 4] = 0b1111,
         Write image: [f32; 4] = 0b1111,
         Write median_ids: u32 = 0b0,
@@ -787,7 +787,7 @@ kernel! {
         Read rank_blocks: [u32; 2] = 0b0,
         Read global_from_rank: u32 = 0b0,
         Read splats: Splat = 0b111111,
-        Read splat_colours: [f32; 3] = 0b111,
+        Read splat_colors: [f32; 3] = 0b111,
         Read image: [f32; 4] = 0b1111,
         Read image_grad: f32 = 0b1,
         Read population: u32 = 0b0,
@@ -795,7 +795,7 @@ kernel! {
         Read tile_list_count: u32 = 0b0,
         Write record_centres: [f32; 3] = 0b111,
         Write record_shapes: [f32; 3] = 0b111,
-        Write record_colours: [f32; 3] = 0b111,
+        Write record_colors: [f32; 3] = 0b111,
         Write record_words: [u32; 4] = 0b0,
     }
 }
@@ -812,7 +812,7 @@ kernel! {
         Read rank_blocks: [u32; 2] = 0b0,
         Read global_from_rank: u32 = 0b0,
         Read splats: Splat = 0b111111,
-        Read splat_colours: [f32; 3] = 0b111,
+        Read splat_colors: [f32; 3] = 0b111,
         Read image: [f32; 4] = 0b1111,
         Read image_grad: f32 = 0b1,
         Read population: u32 = 0b0,
@@ -820,7 +820,7 @@ kernel! {
         Read tile_list_count: u32 = 0b0,
         ReadWrite record_centres: [f32; 3] = 0b111,
         ReadWrite record_shapes: [f32; 3] = 0b111,
-        ReadWrite record_colours: [f32; 3] = 0b111,
+        ReadWrite record_colors: [f32; 3] = 0b111,
     }
 }
 kernel! {
@@ -871,7 +871,7 @@ kernel! {
         Read sh: [f32; 4] = 0b1111,
         Read lobes: [f32; 4] = 0b1111,
         Write splats: Splat = 0b111111,
-        Write splat_colours: [f32; 3] = 0b111,
+        Write splat_colors: [f32; 3] = 0b111,
         Write depth_keys: u32 = 0b0,
         Write tile_counts: u32 = 0b0,
         Write packed_splats: PackedSplat = 0b0,
@@ -920,7 +920,7 @@ kernel! {
         Read first_slot: u32 = 0b0,
         Read record_centres: [f32; 3] = 0b111,
         Read record_shapes: [f32; 3] = 0b111,
-        Read record_colours: [f32; 3] = 0b111,
+        Read record_colors: [f32; 3] = 0b111,
         ReadWrite screen_planes: f32 = 0b1,
         ReadWrite screen_ages: u32 = 0b0,
         ReadWrite screen_moments: f32 = 0b1,
@@ -959,7 +959,7 @@ kernel! {
         Read depths: f32 = 0b1,
         ReadWrite screen_planes: f32 = 0b1,
         Write splats: Splat = 0b111111,
-        Write splat_colours: [f32; 3] = 0b111,
+        Write splat_colors: [f32; 3] = 0b111,
         Write depth_keys: u32 = 0b0,
         Write tile_counts: u32 = 0b0,
     }
@@ -1201,7 +1201,7 @@ pub mod resolve {
 #[doc = "a word, B in the low byte"] pub const BGRA8: u32 = 1;
 #[doc = "two words"] pub const RGBA16F: u32 = 2;
 #[doc = "four words"] pub const RGBA32F: u32 = 3;
-#[doc = "a background colour"] pub const OPAQUE: u32 = 0;
+#[doc = "a background color"] pub const OPAQUE: u32 = 0;
 #[doc = "nothing: rgb is multiplied by alpha"] pub const PREMULTIPLIED: u32 = 1;
 #[doc = "the target's content"] pub const OVER: u32 = 2;
 #[doc = "largest half float"] pub const HALF_MAX: f32 = 65504.0;

@@ -61,8 +61,8 @@ impl Dataset {
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Option<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<u8>>)>> {
         let Some(cloud) = &self.own.points else { return Ok(None) };
         let n = cloud.positions.len();
-        let (positions, colours) = (cloud.positions.as_flattened().to_vec(), cloud.colors.as_flattened().to_vec());
-        Ok(Some((PyArray1::from_vec(py, positions).reshape([n, 3])?, PyArray1::from_vec(py, colours).reshape([n, 3])?)))
+        let (positions, colors) = (cloud.positions.as_flattened().to_vec(), cloud.colors.as_flattened().to_vec());
+        Ok(Some((PyArray1::from_vec(py, positions).reshape([n, 3])?, PyArray1::from_vec(py, colors).reshape([n, 3])?)))
     }
 
     #[getter]

@@ -64,7 +64,7 @@ struct Arrays<'a> {
     quats: &'a [f32],
     scales: &'a [f32],
     opacities: &'a [f32],
-    /// Coefficients of harmonics, or colours.
+    /// Coefficients of harmonics, or colors.
     colors: &'a [f32],
     are_harmonics: bool,
 }
@@ -206,7 +206,7 @@ pub struct Meta {
     backgrounds: Vec<[f32; 3]>,
     scales: Vec<f32>,
     opacities: Vec<f32>,
-    /// None of colours.
+    /// None of colors.
     sh_degree: Option<u32>,
 }
 

@@ -209,7 +209,7 @@ int32_t glint_model_info(const glint_model *model, glint_model_counts *counts);
 int32_t glint_model_buffer(const glint_model *model, uint32_t index, glint_buffer *buffer);
 
 typedef enum glint_texel { GLINT_RGBA8 = 0, GLINT_BGRA8 = 1, GLINT_RGBA16F = 2, GLINT_RGBA32F = 3 } glint_texel;
-/* Background of the Gaussians: a colour; none (colours are premultiplied by alpha); the target's content. */
+/* Background of the Gaussians: a color; none (colors are premultiplied by alpha); the target's content. */
 typedef enum glint_blend { GLINT_OPAQUE = 0, GLINT_PREMULTIPLIED = 1, GLINT_OVER = 2 } glint_blend;
 
 typedef struct glint_limits {

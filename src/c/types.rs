@@ -449,7 +449,7 @@ pub struct glint_view {
     pub projection: [f64; 16],
     /// Near distance along the view's axis, scene units of the world; 0 for the projection's near plane.
     pub near: f64,
-    /// Colour output.
+    /// Color output.
     pub color: glint_pixels,
     /// Float32 depths that occlude Gaussians.
     pub depth_in: glint_pixels,
@@ -463,7 +463,7 @@ pub struct glint_view {
     pub blend: u32,
     /// Factor on the Gaussians' linear light.
     pub exposure: f32,
-    /// Background colour, sRGB-encoded, for GLINT_OPAQUE.
+    /// Background color, sRGB-encoded, for GLINT_OPAQUE.
     pub background: [f32; 3],
 }
 

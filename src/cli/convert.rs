@@ -211,14 +211,14 @@ fn psnr(a: &[f32], b: &[f32]) -> f64 {
 }
 
 impl Report {
-    fn text(&self, output: &Path, colour: &str) -> String {
+    fn text(&self, output: &Path, color: &str) -> String {
         let mut text = format!("{}: {}", output.display(), counted(self.gaussians, "Gaussian"));
         if self.supplementary > 0 {
             let _ = write!(text, ", {} with lobes", self.supplementary);
         }
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         let (before, now) = (megabytes(self.input_bytes), megabytes(self.output_bytes));
-        let _ = write!(text, ", {colour}, {now:.3} MB of {before:.3}");
+        let _ = write!(text, ", {color}, {now:.3} MB of {before:.3}");
         let _ = match self.psnr {
             Some(psnr) if psnr.is_infinite() => write!(text, ", renders are identical to the input's"),
             Some(psnr) => write!(text, ", renders at {psnr:.2} dB against the input's"),

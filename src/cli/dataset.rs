@@ -180,9 +180,9 @@ pub(super) fn settled<T: PartialEq>(
 impl PhotoArgs {
     /// Fills options that were not given with those that the scene at this path was trained with.
     pub(super) fn like(&self, TrainedWith { background, max_size, .. }: TrainedWith, scene: &Path) -> PhotoArgs {
-        let colour = |[r, g, b]: &[f32; 3]| format!("{r},{g},{b}");
+        let color = |[r, g, b]: &[f32; 3]| format!("{r},{g},{b}");
         PhotoArgs {
-            background: settled("--background", [self.background, background], scene, colour),
+            background: settled("--background", [self.background, background], scene, color),
             max_size: settled("--max-size", [self.max_size, max_size], scene, u32::to_string),
             ..self.clone()
         }

@@ -486,8 +486,7 @@ impl SceneArgs {
     fn open_file(&self, path: &Path) -> Result<SceneFile> {
         // Reading a folder would give an I/O error, which blames the machine.
         if path.is_dir() && !data::is_scene_folder(path) {
-            let what =
-                "is a folder, expected a scene file (if both are arguments, the scene comes before the dataset)";
+            let what = "is a folder, expected a scene file (if both are arguments, the scene comes before the dataset)";
             return Err(Error::input(path, what));
         }
         let tell = |file: &SceneFile| file.notes.iter().for_each(|text| note(format!("{}: {text}", path.display())));

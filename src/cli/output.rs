@@ -109,7 +109,8 @@ impl OutputArgs {
         if Identity::of(path).is_some_and(|folder| inputs.folders.contains(&folder)) {
             return Err(Error::input(path, "is a folder of the dataset's photos, expected another output folder"));
         }
-        fs::create_dir_all(path).map_err(|error| Error::input(path, format!("the folder cannot be created: {error}")))?;
+        fs::create_dir_all(path)
+            .map_err(|error| Error::input(path, format!("the folder cannot be created: {error}")))?;
         writable(path).map_err(|error| Error::input(path, format!("cannot be written to: {error}")))?;
         clear(path);
         Ok(())

@@ -75,9 +75,9 @@ pub struct BuiltinScene {
     pub photos: Vec<BuiltinPhoto>,
     /// Surface points, scene units; every prefix is spread as evenly as the whole.
     pub point_positions: Vec<[f32; 3]>,
-    /// Their colours, 8-bit sRGB, the mean over the training photographs that see them.
+    /// Their colors, 8-bit sRGB, the mean over the training photographs that see them.
     pub point_colors: Vec<[u8; 3]>,
-    /// sRGB in [0, 1], the colour of rays that leave the scene; a multiple of 1/255.
+    /// sRGB in [0, 1], the color of rays that leave the scene; a multiple of 1/255.
     pub background: [f32; 3],
 }
 
@@ -378,7 +378,7 @@ mod tests {
         "9d9995a5a09a524f4e2d26282c292c2b2a2e2725292b2a2d47464884827f7d7b787e7b798a88878f8c8a4d4b4a3d3b3c4846464f4d4c",
         "5452504f4d4e575758908d8ba5a19ba4a09a7c7b7c7e7d7da09b96a39e988d8a877877788482819b9893989591989591a29e9aa39f9a",
     ];
-    /// Position in thousandths, and colour.
+    /// Position in thousandths, and color.
     #[rustfmt::skip]
     const GOLDEN_POINTS: [i32; 144] = [
         571, -33, 291, 73, 102, 99, -102, -380, -23, 103, 102, 105, -192, 430, 175, 86, 86, 86,

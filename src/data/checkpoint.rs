@@ -118,11 +118,11 @@ impl Kept<'_> {
 
     fn segment(&self, segment: &str, with_lobes: bool) -> Result<(Gaussians, Lobes)> {
         let (geometry, planes, count) = self.planes(segment, GEOMETRY)?;
-        let (sh, colours, same) = self.planes(segment, SH)?;
-        let degree = (0..color::MODELS.len() as u32).find(|&degree| sh_planes(degree) == colours);
+        let (sh, colors, same) = self.planes(segment, SH)?;
+        let degree = (0..color::MODELS.len() as u32).find(|&degree| sh_planes(degree) == colors);
         let (true, Some(sh_degree)) = (planes == GEOMETRY_PLANES && same == count, degree) else {
             let what = format!(
-                "`{segment}` has {planes} planes of geometry and {colours} of colour of {count} and {same} Gaussians, expected \
+                "`{segment}` has {planes} planes of geometry and {colors} of color of {count} and {same} Gaussians, expected \
                  {GEOMETRY_PLANES}, and those of a degree of harmonics"
             );
             return Err(Error::input(self.path, what));

@@ -437,7 +437,7 @@ fn is_points(line: &str) -> bool {
 }
 
 pub(super) fn points_binary(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<PointCloud> {
-    // Id, position, colour, error and the length of its track.
+    // Id, position, color, error and the length of its track.
     let mut number = 0;
     let points = records(bytes, path, "point", 8 + 3 * 8 + 3 + 8 + 8, |bytes| {
         bytes.u64()?;

@@ -265,7 +265,7 @@ impl SceneFormat {
         },
         SceneFormat {
             ending: "sog",
-            about: "PlayCanvas: positions of 16 bits, colours and sizes by codebooks, in lossless images",
+            about: "PlayCanvas: positions of 16 bits, colors and sizes by codebooks, in lossless images",
             kinds: &[(Kind::Sog, "the description of an SOG scene"), (Kind::Zip, "a ZIP archive")],
             #[cfg(feature = "formats")]
             read: Some(sog::parse),
@@ -288,7 +288,7 @@ impl SceneFormat {
         },
         SceneFormat {
             ending: "splat",
-            about: "positions and sizes, colours and rotations as bytes; no colour that depends on the view",
+            about: "positions and sizes, colors and rotations as bytes; no color that depends on the view",
             keeps_origin: false,
             keeps_antialiased: false,
             greatest_sh_degree: 0,

@@ -132,7 +132,7 @@ impl Buffer {
 }
 
 impl Source<'_> {
-    /// Colour of a pixel of the file, then 1 if it is valid or 0 if it is masked.
+    /// Color of a pixel of the file, then 1 if it is valid or 0 if it is masked.
     fn at(&self, x: u32, y: u32) -> [f32; 4] {
         let [r, g, b, a] = self.pixels.at(x, y);
         let counts = self.masks.iter().all(|mask| {
@@ -381,7 +381,7 @@ fn read_mask(path: &Path, photo: [u32; 2], orientation: u8) -> Result<GrayImage>
 }
 
 /// Binarises a mask: white if at least half as bright as its brightest pixel, so that soft edges and labels
-/// of 0 and 1 both work. If the colour is the same everywhere, alpha is the mask; otherwise transparency
+/// of 0 and 1 both work. If the color is the same everywhere, alpha is the mask; otherwise transparency
 /// darkens.
 fn where_it_counts(mask: DynamicImage) -> GrayImage {
     let step = if mask.color().bytes_per_pixel() > mask.color().channel_count() { 1.0 / 65535.0 } else { 1.0 / 255.0 };
@@ -739,7 +739,7 @@ mod tests {
             (wide([0, 300, 65535, 40000]), [0, 0, 1, 1]),
             (gray([0; 4]), [0; 4]),
             (gray([255; 4]), [1; 4]),
-            // Masks in colour, as from palettes; in alpha, over white and over black; in both.
+            // Masks in color, as from palettes; in alpha, over white and over black; in both.
             (rgba([black, [0, 0, 200, 255], [128, 0, 0, 255], [9, 20, 0, 255]]), [0, 1, 1, 0]),
             (rgba([white, [255, 255, 255, 0], [255, 255, 255, 120], white]), [1, 0, 0, 1]),
             (rgba([black, [0; 4], black, [0; 4]]), [1, 0, 1, 0]),

@@ -26,7 +26,7 @@ pub struct DatasetOptions {
     /// Use the photos in `images_2`, `_4` or `_8` if their size equals the downscaled size. Ignored if
     /// `images` is set.
     pub reduced_folders: bool,
-    /// Colour behind transparent pixels, sRGB values 0 to 1. Black by default.
+    /// Color behind transparent pixels, sRGB values 0 to 1. Black by default.
     pub background: [f32; 3],
     /// Folder of the photos, in the dataset or elsewhere; `None` for the dataset's usual folder.
     pub images: Option<PathBuf>,
@@ -197,7 +197,7 @@ pub struct Dataset {
     pub photos: Vec<Photo>,
     /// Sparse points for the first scene.
     pub points: Option<PointCloud>,
-    /// Colour behind transparent pixels, sRGB values 0 to 1.
+    /// Color behind transparent pixels, sRGB values 0 to 1.
     pub background: [f32; 3],
     /// Whether lens distortion is removed from any photo.
     pub undistorted: bool,

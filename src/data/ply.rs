@@ -29,7 +29,7 @@ use crate::scene::{
 use crate::stages::constants::constants::SH_C0;
 use crate::{Error, Result};
 
-/// Colours that some writers store instead of f_dc_*: 0 to 255, or floats of 0 to 1 if none is larger.
+/// Colors that some writers store instead of f_dc_*: 0 to 255, or floats of 0 to 1 if none is larger.
 const PLAIN: [&str; 3] = ["red", "green", "blue"];
 
 /// Columns of an element, with the index of each property.
@@ -39,7 +39,7 @@ struct Columns {
     places: Vec<(usize, Place)>,
     /// Index of [`FILTER`].
     filter: Option<usize>,
-    /// Set if the element has colours instead of coefficients: whether they are integers.
+    /// Set if the element has colors instead of coefficients: whether they are integers.
     plain: Option<bool>,
     sh_degree: u32,
     lobed: bool,
@@ -127,7 +127,7 @@ fn resize(gaussians: &mut Gaussians, rows: usize) {
     gaussians.sh.resize(rows * gaussians.sh_coefficients(), [0.0; 3]);
 }
 
-/// Degree of an element's colours, from the number of properties with each name.
+/// Degree of an element's colors, from the number of properties with each name.
 fn degree_of(element: &str, count: impl Fn(&str) -> usize) -> Result<u32, String> {
     let mut prefixes: Vec<&str> = MODELS.iter().map(|model| model.ply_prefix).collect();
     prefixes.dedup();
@@ -195,8 +195,8 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
             let k = gaussians.sh_coefficients();
             let largest = gaussians.sh.iter().step_by(k).flatten().fold(0.0, |a: f32, &b| a.max(b));
             let white = if integers || largest > 1.0 { 255.0 } else { 1.0 };
-            let colours = gaussians.sh.iter_mut().step_by(k).flatten();
-            colours.for_each(|v| *v = (*v / white - 0.5) / SH_C0);
+            let colors = gaussians.sh.iter_mut().step_by(k).flatten();
+            colors.for_each(|v| *v = (*v / white - 0.5) / SH_C0);
         }
     }
     let mut shown = None;
@@ -383,8 +383,8 @@ mod tests {
     }
 
     #[test]
-    fn colours_may_stand_in_the_place_of_their_coefficients() {
-        let with = |kind: &str, colours: [&str; 2]| {
+    fn colors_may_stand_in_the_place_of_their_coefficients() {
+        let with = |kind: &str, colors: [&str; 2]| {
             let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 2\n");
             for (name, place) in columns(0, false) {
                 text += &match place {
@@ -393,7 +393,7 @@ mod tests {
                 };
             }
             text += "end_header\n";
-            colours.iter().for_each(|rgb| text += &format!("1 2 3 {rgb} 0.5 -1 -1 -1 1 0 0 0\n"));
+            colors.iter().for_each(|rgb| text += &format!("1 2 3 {rgb} 0.5 -1 -1 -1 1 0 0 0\n"));
             parse_scene(text.as_bytes(), Path::new("a.ply")).map(|scene| scene.base.sh)
         };
         // Y₀⁰ = √(1/4π) = 0.2820948: black is −½ of it, white ½.
@@ -406,7 +406,7 @@ mod tests {
         near(with("uchar", ["0 255 51", "255 0 204"]).unwrap(), expected);
         near(with("float", ["0 255 51", "255 0 204"]).unwrap(), expected);
         near(with("float", ["0 1 0.2", "1 0 0.8"]).unwrap(), expected);
-        // Colours of a single value are bytes too.
+        // Colors of a single value are bytes too.
         near(
             with("uchar", ["0 1 1", "1 1 0"]).unwrap()[..1].repeat(2),
             [[-half, 1.0 / 255.0 / 0.282_094_8 - half, 1.0 / 255.0 / 0.282_094_8 - half]; 2],
@@ -560,7 +560,7 @@ mod tests {
         }
         let path = Path::new("never.ply");
         let mixed = Scene { supplement: self::scene(0, true).supplement, ..scene };
-        assert!(write_scene(path, &mixed).unwrap_err().to_string().contains("expected both or none"));
+        assert!(write_scene(path, &mixed).unwrap_err().to_string().contains("expected harmonics or betas in both"));
     }
 
     #[test]
@@ -630,7 +630,7 @@ mod tests {
         expect(&replaced(&scene(0, false), "float opacity", "float opaque"), &["`vertex`", "`opacity`"]);
         expect(
             &replaced(&scene(1, false), "float f_rest_8", "float rest"),
-            &["8 properties `f_rest_*`", "0, 9, 24 or 45"],
+            &["8 properties `f_rest_*`", "24 (SH degree 2)"],
         );
         expect(&replaced(&scene(1, false), "float f_rest_8", "float f_rest_9"), &["`f_rest_8`"]);
         let betas = scene(BETAS, false);

@@ -40,7 +40,7 @@ pub(super) const FILTER: &str = "filter_3D";
 
 /// Properties of unsupported layouts that change the picture: prefixes of their names, and the meaning.
 const NOT_READ: [(&[&str], &str); 3] = [
-    (&["sg_"], "colours that spherical Gaussians make depend on the view: what is read is the colour without them"),
+    (&["sg_"], "colors that spherical Gaussians make depend on the view: what is read is the color without them"),
     (
         &["motion_", "trbf_", "omega_"],
         "a scene that moves: what is read stands still; export one moment of it as a 3DGS PLY",

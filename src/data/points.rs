@@ -32,7 +32,7 @@ impl PointCloud {
 }
 
 /// Reads a plain point cloud: element `vertex` with x y z, and optional red green blue of 0 to 255, or floats
-/// of 0 to 1 if none is larger. Points without colour are mid grey. Points with a non-finite position are
+/// of 0 to 1 if none is larger. Points without color are mid grey. Points with a non-finite position are
 /// left out, and a sentence in `notes` counts them.
 pub fn read_points(path: impl AsRef<Path>, notes: &mut Vec<String>) -> Result<PointCloud> {
     let path = path.as_ref();
@@ -89,7 +89,7 @@ pub(super) fn parse_points(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -
         }
         let color = rgb.map_or([128.0; 3], |rgb| rgb.map(|p| values[p]));
         if let Some(bad) = color.iter().find(|v| !(0.0..=255.0).contains(*v)) {
-            return Err(fail(format!("row {row} of element `{BASE}`: colour value {bad} is not in 0 to 255")));
+            return Err(fail(format!("row {row} of element `{BASE}`: color value {bad} is not in 0 to 255")));
         }
         cloud.positions.push(position);
         // Bytes up to 255 survive the conversion to float32.
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn point_clouds_are_read_with_and_without_colour() {
+    fn point_clouds_are_read_with_and_without_color() {
         let head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty float y\nproperty float z\n";
         let plain = format!("{head}end_header\n1 2 3\n4 5 6\n");
         let cloud = parse_points(plain.as_bytes(), Path::new("p.ply"), &mut Vec::new()).unwrap();
@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(colors("1 2 3 0 9 1\n4 5 6 7.4 8.6 255\n"), [[0, 9, 1], [7, 9, 255]]);
         assert!(error(format!("{head}{floats}1 2 3 0 nan 1\n4 5 6 7 8 9\n")).contains("row 0"));
         assert!(error(format!("{head}property uchar red\nend_header\n1 2 3 4\n4 5 6 7\n")).contains("only some"));
-        // Non-finite points are left out and counted, together with their colour.
+        // Non-finite points are left out and counted, together with their color.
         let mut notes = Vec::new();
         let cloud = read(format!("{head}{floats}1 inf 3 nan 900 0\n4 5 6 0.2 0.4 1\n"), &mut notes).unwrap();
         assert_eq!((cloud.positions, cloud.colors), (vec![[4.0, 5.0, 6.0]], vec![[51, 102, 255]]));

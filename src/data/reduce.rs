@@ -17,7 +17,7 @@ pub enum Reduce {
 /// to 1; a weight may be negative, a coverage may not.
 type Parts = (usize, Vec<[f32; 2]>);
 
-/// Downscales a picture row by row from the top: three colours, and a mask, which is always an average. Holds
+/// Downscales a picture row by row from the top: three colors, and a mask, which is always an average. Holds
 /// the smaller picture and one row. Cannot enlarge.
 pub(super) struct Reducer {
     columns: Vec<Parts>,

@@ -116,7 +116,7 @@ impl Dataset {
     }
 
     /// [`Dataset::random_points`], carved by transparency: a point is dropped if a training photo is wholly
-    /// transparent there. It gets the median colour of the photos that are opaque there, at least three (all,
+    /// transparent there. It gets the median color of the photos that are opaque there, at least three (all,
     /// if there are fewer). Pixels outside of a mask or lens prove nothing either way; with
     /// [`Alpha::Mask`](super::Alpha::Mask), transparent pixels are such pixels. `None` if no photo is
     /// transparent, or if the carved region is too small to find `n` points.
@@ -140,7 +140,7 @@ impl Dataset {
         Ok((cloud.positions.len() == n).then_some(cloud))
     }
 
-    /// Draws `n` random points, with colours from `judge`; fewer if it rejects nearly all. Its arguments are
+    /// Draws `n` random points, with colors from `judge`; fewer if it rejects nearly all. Its arguments are
     /// a world position, and the number of cameras that should see it, possibly 0.
     fn draw(&self, n: usize, seed: u64, judge: impl Fn(DVec3, usize) -> Option<[u8; 3]>) -> PointCloud {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -231,7 +231,7 @@ fn silhouettes(photos: &[&Photo]) -> Result<Vec<Silhouette>> {
     Ok(pairs.zip(photos).map(silhouette).collect())
 }
 
-/// The channel-wise median colour at a point, over the photos that are opaque there: at least `by`, which
+/// The channel-wise median color at a point, over the photos that are opaque there: at least `by`, which
 /// must not be 0. `None` if a photo shows empty space there, or if too few are opaque.
 fn shown(silhouettes: &[Silhouette], p: DVec3, by: usize) -> Option<[u8; 3]> {
     let mut seen: [Vec<u8>; 3] = Default::default();

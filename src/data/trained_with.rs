@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[cfg_attr(feature = "train", derive(Serialize, Deserialize), serde(default))]
 pub struct TrainedWith {
-    /// Background colour of the scene: sRGB values from 0 to 1.
+    /// Background color of the scene: sRGB values from 0 to 1.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub background: Option<[f32; 3]>,
     /// Whether Gaussians smaller than a pixel fade (`Policy::compensate`).
@@ -21,7 +21,7 @@ pub struct TrainedWith {
     /// Maximum longer side of photos, pixels, if there was a limit.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub max_size: Option<u32>,
-    /// Whether each photo had its own colour map, which the scene does not include.
+    /// Whether each photo had its own color map, which the scene does not include.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub exposure: Option<bool>,
 }
@@ -46,9 +46,9 @@ impl TrainedWith {
 
     /// Drops invalid numbers.
     fn sound(self) -> Self {
-        let colour = |rgb: &[f32; 3]| rgb.iter().all(|v| (0.0..=1.0).contains(v));
+        let color = |rgb: &[f32; 3]| rgb.iter().all(|v| (0.0..=1.0).contains(v));
         TrainedWith {
-            background: self.background.filter(colour),
+            background: self.background.filter(color),
             max_size: self.max_size.filter(|&pixels| pixels > 0),
             ..self
         }

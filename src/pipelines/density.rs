@@ -395,7 +395,7 @@ impl Density {
                     splats: &raster.buffers.splats,
                     record_centres: &raster.records.record_centres,
                     record_shapes: &raster.records.record_shapes,
-                    record_colours: &raster.records.record_colours,
+                    record_colors: &raster.records.record_colors,
                     record_words: &raster.records.record_words,
                     scores: self.scores.page(k),
                 },

@@ -1,4 +1,4 @@
-//! Exposure correction (method, section 2): learns an affine map of colours for each training photograph. The
+//! Exposure correction (method, section 2): learns an affine map of colors for each training photograph. The
 //! blended image goes through it before the comparison with the photograph. The mean of the maps stays the
 //! identity, so that the scene takes on no cast common to all photographs. Only training uses the maps.
 
@@ -17,7 +17,7 @@ use crate::{
 
 /// Learning rate of a map's entries per step of its photograph, at the first and last step of the run;
 /// log-linear in between. A third of 3DGS's (`exposure_lr_init` and `exposure_lr_final` of its
-/// `arguments/__init__.py`): faster maps absorb view-dependent colour, which belongs to the scene.
+/// `arguments/__init__.py`): faster maps absorb view-dependent color, which belongs to the scene.
 pub const RATES: [f64; 2] = [0.003, 0.0003];
 
 /// The identity map, rows of (M | b).

@@ -286,7 +286,7 @@ impl Frames {
         }
         // With an exposure, the background is blended later.
         let background = match view.color {
-            Some(Target { blend: Blend::Opaque(colour), exposure: 1.0, .. }) => colour,
+            Some(Target { blend: Blend::Opaque(color), exposure: 1.0, .. }) => color,
             _ => [0.0; 3],
         };
         raster.record_blend_occluded(recorder, &grid, &b.frames, background, MEDIAN_THRESHOLD, depth_form);
@@ -342,7 +342,7 @@ impl Frames {
             depth: u32::from(view.depth_out.is_some()),
             exposure: target.exposure,
             depth_form: view.depth_form.array(),
-            background: if let Blend::Opaque(colour) = target.blend { colour } else { [0.0; 3] },
+            background: if let Blend::Opaque(color) = target.blend { color } else { [0.0; 3] },
         };
         let buffers = resolve::Buffers {
             image: &self.raster.buffers.image,

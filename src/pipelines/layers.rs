@@ -19,7 +19,7 @@ pub enum Layer {
     /// The base Gaussians as they are stored. The joint phase changes their opacities, so this is not the scene that was
     /// augmented.
     Base,
-    /// The base Gaussians with their constant SH band only, so that colours do not depend on the view.
+    /// The base Gaussians with their constant SH band only, so that colors do not depend on the view.
     Constant,
 }
 

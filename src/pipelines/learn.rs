@@ -223,7 +223,7 @@ impl Learner {
         let context = model.context();
         let has_lobes = lesson.segment == Segment::Supplement;
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
-        // Frozen segments do not read their colours.
+        // Frozen segments do not read their colors.
         let degrees = if opacity_only { &[0] } else { color::of(model.part(lesson.segment).sh_degree).parts };
         let backward = |wanted: bool, accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
@@ -368,9 +368,9 @@ impl Learner {
                     first_slot: &raster.buffers.first_slot,
                     record_centres: &raster.records.record_centres,
                     record_shapes: &raster.records.record_shapes,
-                    record_colours: &raster.records.record_colours,
+                    record_colors: &raster.records.record_colors,
                     record_words: &raster.records.record_words,
-                    splat_colours: &raster.buffers.splat_colours,
+                    splat_colors: &raster.buffers.splat_colors,
                     geometry: part.geometry.page(k),
                     sh: part.sh.page(k),
                     lobes: part.lobes.page(k),

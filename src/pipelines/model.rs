@@ -142,7 +142,7 @@ pub struct Part {
     pub pages: Vec<Page>,
     /// Position, scale, rotation and opacity: the planes named in `scene::layout`.
     pub geometry: Planes,
-    /// Colour.
+    /// Color.
     pub sh: Planes,
     /// Lobes; empty for the base.
     pub lobes: Planes,

@@ -69,8 +69,8 @@ pub struct PursuitOptions {
     pub placements: u32,
     /// Minimum gain of a Gaussian: squared error, summed over pixels and channels of all views.
     pub least_gain: f32,
-    /// Reduces a candidate's gain in a view by the share of its colour that comes from that view alone: 0
-    /// keeps the fitted colour, 1 uses the colour predicted from the other views.
+    /// Reduces a candidate's gain in a view by the share of its color that comes from that view alone: 0
+    /// keeps the fitted color, 1 uses the color predicted from the other views.
     pub caution: f32,
     /// Standard errors over the views to subtract from a gain, so that a gain in few views counts less.
     pub doubt: f32,

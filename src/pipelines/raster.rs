@@ -147,10 +147,10 @@ impl Backward {
             Ok((Self::stages(context, options, tile, false)?, records))
         };
         let atomic = || {
-            let GaussianRecords { record_centres, record_shapes, record_colours } =
+            let GaussianRecords { record_centres, record_shapes, record_colors } =
                 GaussianRecords::new(context, options)?;
             let record_words = Unused::new(context)?.of();
-            let records = Records { record_centres, record_shapes, record_colours, record_words };
+            let records = Records { record_centres, record_shapes, record_colors, record_words };
             Ok((Self::stages(context, options, tile, true)?, records))
         };
         match options.policy.reduction {
@@ -394,7 +394,7 @@ impl Raster {
         let word = |k: usize| match k {
             // After the quads.
             0 | 1 => Buffer::over(context, "between", &f.splats, (4 + k as u64) * each, len),
-            2..5 => Buffer::over(context, "between", &f.splat_colours, (k as u64 - 2) * each, len),
+            2..5 => Buffer::over(context, "between", &f.splat_colors, (k as u64 - 2) * each, len),
             5 => Buffer::over(context, "between", &f.depth_keys, 0, len),
             6 => Buffer::over(context, "between", &f.tile_counts, 0, len),
             7 => Buffer::over(context, "between", &f.first_slot, 0, len),
@@ -684,7 +684,7 @@ impl Raster {
             rank_blocks: &self.isects.rank_blocks,
             global_from_rank: self.global_from_rank(),
             splats: &f.splats,
-            splat_colours: &f.splat_colours,
+            splat_colors: &f.splat_colors,
             packed_splats: &f.packed_splats,
             backdrop: &f.backdrop,
             image: &f.image,
@@ -734,7 +734,7 @@ impl Raster {
         self.record_backward(recorder, grid, frames, population, frozen, false);
     }
 
-    /// Sums the first two channels of `image_grad`, made by `density_image`, into the records' colours by
+    /// Sums the first two channels of `image_grad`, made by `density_image`, into the records' colors by
     /// blend weight. Requires [`Raster::make_scores`].
     pub fn record_scores(
         &self,
@@ -758,8 +758,8 @@ impl Raster {
         let Some(backward) = &self.backward else { return };
         let (f, global_from_rank) = (&self.buffers, self.global_from_rank());
         let Isects { isect_slots, rank_blocks, .. } = &self.isects;
-        let RasterBuffers { tile_ranges, tile_list, tile_list_count, splats, splat_colours, image, image_grad, .. } = f;
-        let Records { record_centres, record_shapes, record_colours, record_words } = &self.records;
+        let RasterBuffers { tile_ranges, tile_list, tile_list_count, splats, splat_colors, image, image_grad, .. } = f;
+        let Records { record_centres, record_shapes, record_colors, record_words } = &self.records;
         let (frame_first, tiles_x, tiles_per_frame, tile_count) =
             (grid.frame_first, grid.tiles_x, grid.tiles_per_frame(), grid.tiles());
         // Splats that no pixel blends have no gradient: most of a long list behind an opaque front.
@@ -767,7 +767,7 @@ impl Raster {
         if self.packs_records() {
             recorder.fill(record_words, 0);
         } else {
-            recorder.fill(record_colours, 0);
+            recorder.fill(record_colors, 0);
             if !scores {
                 recorder.fill(record_centres, 0);
                 recorder.fill(record_shapes, 0);
@@ -783,7 +783,7 @@ impl Raster {
                     rank_blocks,
                     global_from_rank,
                     splats,
-                    splat_colours,
+                    splat_colors,
                     image,
                     image_grad,
                     population,
@@ -791,7 +791,7 @@ impl Raster {
                     tile_list_count,
                     record_centres,
                     record_shapes,
-                    record_colours,
+                    record_colors,
                     record_words,
                 };
                 let push = blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
@@ -806,7 +806,7 @@ impl Raster {
                     rank_blocks,
                     global_from_rank,
                     splats,
-                    splat_colours,
+                    splat_colors,
                     image,
                     image_grad,
                     population,
@@ -814,7 +814,7 @@ impl Raster {
                     tile_list_count,
                     record_centres,
                     record_shapes,
-                    record_colours,
+                    record_colors,
                 };
                 let push = blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
                 self.over_tiles(recorder, stage, &buffers, &push, grid);

@@ -28,7 +28,7 @@ const MIN_ISECTS: u32 = 1 << 16;
 /// the authors' release has 0.7).
 pub const MEDIAN_THRESHOLD: f32 = 0.5;
 
-/// Features of a [`Renderer`] beyond colour and transmittance.
+/// Features of a [`Renderer`] beyond color and transmittance.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderOptions {
     /// Enable depths.
@@ -205,7 +205,7 @@ impl ModelStages {
         Err(Error::Usage(format!("the renderer was made for {wrong}")))
     }
 
-    /// Splats, colours, depth keys and tile counts of a model.
+    /// Splats, colors, depth keys and tile counts of a model.
     pub fn record_project(&self, recorder: &mut Recorder, raster: &Raster, placed: &Placed<'_>) {
         let Placed { model, splat_first, views, view, upto, degree, .. } = *placed;
         let Some(depth_keys) = raster.depth_keys() else { return };
@@ -224,7 +224,7 @@ impl ModelStages {
                         sh: part.sh.page(k),
                         lobes: part.lobes.page(k),
                         splats: &raster.buffers.splats,
-                        splat_colours: &raster.buffers.splat_colours,
+                        splat_colors: &raster.buffers.splat_colors,
                         packed_splats: &raster.buffers.packed_splats,
                         depth_keys,
                         tile_counts: &raster.buffers.tile_counts,

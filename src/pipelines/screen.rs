@@ -106,7 +106,7 @@ pub struct ScreenGaussian {
     /// Pixels.
     pub centre: [f32; 2],
     /// sRGB, 0 to 1.
-    pub colour: [f32; 3],
+    pub color: [f32; 3],
     /// ln(o / (1 − o)), before compensation.
     pub opacity_logit: f32,
     /// Natural logarithms of the standard deviations along the axes, pixels.
@@ -556,7 +556,7 @@ impl Refiner {
                 let gaussian = ScreenGaussian {
                     view: self.batch.start as u32 + frame,
                     centre: [at(0, i), at(1, i)],
-                    colour: [at(2, i), at(3, i), at(4, i)],
+                    color: [at(2, i), at(3, i), at(4, i)],
                     opacity_logit: at(5, i),
                     log_scale: [at(6, i), at(7, i)],
                     angle: at(8, i),

@@ -184,7 +184,7 @@ pub struct Chosen {
     pub gain: f32,
     /// Whether it has a lobe.
     pub lobe: bool,
-    /// Gain without a lobe, at the size, opacity and colour that are then best.
+    /// Gain without a lobe, at the size, opacity and color that are then best.
     pub plain: f32,
 }
 

@@ -115,7 +115,7 @@ fn too_large(photo: &Photo, limit: u64) -> Option<Error> {
 /// Points of the first scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstPoints {
-    /// Positions in scene units, and 8-bit sRGB colours.
+    /// Positions in scene units, and 8-bit sRGB colors.
     pub cloud: PointCloud,
     /// Number of sparse points in the dataset; `None` if it has none and the points are random.
     pub sparse: Option<usize>,

@@ -232,7 +232,7 @@ impl Trainer {
         self.work.varies = true;
     }
 
-    /// Enables exposure correction: learns an affine map of colours for each of `views`, see
+    /// Enables exposure correction: learns an affine map of colors for each of `views`, see
     /// [`exposure`](super::exposure). Call it before the loop starts; checkpoints include the maps.
     ///
     /// # Errors

@@ -50,7 +50,7 @@ impl PlaneRate {
         let range = match (group.array, plane) {
             (Array::Lobes, LOBE_WIDTH) => Some(WIDTH_RANGE),
             (Array::Lobes, LOBE_SHARPNESS) => Some(SHARPNESS_RANGE),
-            // The third number of a lobe's shape, which comes behind its colour.
+            // The third number of a lobe's shape, which comes behind its color.
             (Array::Sh, _) if group.name == color::of(color::BETAS).group && plane % 6 == 2 => Some(B_RANGE),
             _ => None,
         };

@@ -1,4 +1,4 @@
-//! Twin of `glsl/shared/betas.glsl`: colour by spherical betas (Liu et al. 2025).
+//! Twin of `glsl/shared/betas.glsl`: color by spherical betas (Liu et al. 2025).
 
 use std::f64::consts::LN_2;
 
@@ -12,7 +12,7 @@ pub const B_RANGE: (f64, f64) = (betas::BETA_MIN as f64, betas::BETA_MAX as f64)
 
 /// A lobe's light and factor toward a direction, with their derivatives.
 pub struct Beta {
-    /// Softplus of its colour, and the derivative of that.
+    /// Softplus of its color, and the derivative of that.
     pub light: [f64; 3],
     slope: [f64; 3],
     axis: DVec3,
@@ -23,13 +23,13 @@ pub struct Beta {
     by_shape: [f64; 3],
 }
 
-/// Evaluates the lobe of this colour (before its softplus) and shape toward `v`, a unit vector.
-pub fn beta(v: DVec3, colour: [f64; 3], [theta, phi, b]: [f64; 3]) -> Beta {
+/// Evaluates the lobe of this color (before its softplus) and shape toward `v`, a unit vector.
+pub fn beta(v: DVec3, color: [f64; 3], [theta, phi, b]: [f64; 3]) -> Beta {
     let steepness = 10.0 * LN_2;
     let axis = DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
     let mut beta = Beta {
-        light: colour.map(|x: f64| x.max(0.0) + (-steepness * x.abs()).exp().ln_1p() / steepness),
-        slope: colour.map(|x| 1.0 / (1.0 + (-steepness * x).exp())),
+        light: color.map(|x: f64| x.max(0.0) + (-steepness * x.abs()).exp().ln_1p() / steepness),
+        slope: color.map(|x| 1.0 / (1.0 + (-steepness * x).exp())),
         axis,
         factor: 0.0,
         by_cosine: 0.0,
@@ -55,11 +55,11 @@ pub fn lobes(params: &Params, i: usize, direction: DVec3) -> impl Iterator<Item 
 }
 
 /// Writes the gradients of the lobes' numbers to `out` and returns that of the direction, not yet made tangent to the sphere.
-pub fn backward(params: &Params, i: usize, direction: DVec3, colour_grad: [f64; 3], out: &mut Params) -> DVec3 {
+pub fn backward(params: &Params, i: usize, direction: DVec3, color_grad: [f64; 3], out: &mut Params) -> DVec3 {
     let mut direction_grad = DVec3::ZERO;
     for (m, lobe) in lobes(params, i, direction).enumerate() {
-        let shine = (0..3).map(|c| colour_grad[c] * lobe.light[c]).sum::<f64>();
-        for (c, grad) in colour_grad.into_iter().enumerate() {
+        let shine = (0..3).map(|c| color_grad[c] * lobe.light[c]).sum::<f64>();
+        for (c, grad) in color_grad.into_iter().enumerate() {
             let plane = |k: usize| (3 * k + c) * params.stride + i;
             out.sh[plane(1 + 2 * m)] = lobe.factor * lobe.slope[c] * grad;
             out.sh[plane(2 + 2 * m)] = shine * lobe.by_shape[c];
@@ -73,7 +73,7 @@ pub fn backward(params: &Params, i: usize, direction: DVec3, colour_grad: [f64; 
 mod tests {
     use super::*;
 
-    /// Behind a lobe there is nothing, along it all its light; with colour 0 that is a tenth (DBS's
+    /// Behind a lobe there is nothing, along it all its light; with color 0 that is a tenth (DBS's
     /// softplus).
     #[test]
     fn a_lobe_shines_along_its_axis_and_not_behind() {

@@ -1,7 +1,7 @@
 //! Twin of `blend_backward.comp`: the blend's gradient, front to back again with the forward pass's decisions
 //! (3DGS, section 6; `docs/design-notes.md`).
 //!
-//! The colour behind a Gaussian is the final colour minus, one by one, the terms in front of it and its own.
+//! The color behind a Gaussian is the final color minus, one by one, the terms in front of it and its own.
 //! So the forward pass stores only its image.
 //! With C = Σ c_k α_k T_k + b T_end and T_{k+1} = T_k (1 − α_k):
 //! ∂(G·C)/∂α_k = T_k (G·c_k) − R_k / (1 − α_k), R_k = G · (all terms behind k, the background included).
@@ -82,7 +82,7 @@ struct Pixel {
 fn pixel_backward(splats: &[Splat], isects: &Intersections, pixel: &Pixel, records: &mut [Record]) {
     let Pixel { column, row, image, grad, magnitudes } = *pixel;
     let dot = |c: [f64; 3]| grad[0] * c[0] + grad[1] * c[1] + grad[2] * c[2];
-    // Colours are not negative, so this bounds every part of the dot product and of the colour behind.
+    // Colors are not negative, so this bounds every part of the dot product and of the color behind.
     let reach = |c: [f64; 3]| (0..3).map(|k| (grad[k] * c[k]).abs()).sum::<f64>();
     let last = [image[0], image[1], image[2]];
     let mut behind = dot(last);

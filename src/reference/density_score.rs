@@ -24,8 +24,7 @@ mod tests {
     #[test]
     fn what_is_no_number_and_what_is_not_blended_add_nothing() {
         let splat = Splat { l11: 2.0, l12: 0.0, l22: 0.5, ..Splat::default() };
-        let record =
-            |first: [f64; 3], colour: [f64; 3]| std::array::from_fn(|r| [first, [0.0; 3], colour][r / 3][r % 3]);
+        let record = |first: [f64; 3], color: [f64; 3]| std::array::from_fn(|r| [first, [0.0; 3], color][r / 3][r % 3]);
         let some = record([1.5, 16.0, 0.1], [0.25, 3.0, 0.0]);
         assert_eq!(density_score(&some, &splat, None), [0.25, 3.0]);
         assert_eq!(density_score(&some, &splat, Some([1.0, 0.5])), [5.0, 1.0]);

@@ -1,6 +1,6 @@
-//! Twin of `exposure_apply.comp`: applies a photograph's map of colours.
+//! Twin of `exposure_apply.comp`: applies a photograph's map of colors.
 
-/// A photograph's affine map of colours: rows of (M | b). Entry 4 · row + column; column 3 is b.
+/// A photograph's affine map of colors: rows of (M | b). Entry 4 · row + column; column 3 is b.
 pub type Map = [f64; 12];
 
 /// The map that changes nothing.

@@ -1,11 +1,11 @@
-//! Twin of `exposure_backward.comp`: gradients through a photograph's map of colours.
+//! Twin of `exposure_backward.comp`: gradients through a photograph's map of colors.
 
 use super::exposure_apply::Map;
 
 /// Pixels over which the gradient of a map is summed together.
 pub const SUM_PIXELS: usize = 1024;
 
-/// Turns `grads`, by the corrected image's colours, into those by the blended image's, Mᵀ g. Returns the
+/// Turns `grads`, by the corrected image's colors, into those by the blended image's, Mᵀ g. Returns the
 /// gradient of the map, Σ g (c, 1)ᵀ over each [`SUM_PIXELS`] pixels. `image` is RGB and transmittance of each
 /// pixel before the correction.
 pub fn exposure_backward(map: &Map, image: &[[f64; 4]], grads: &mut [[f64; 3]]) -> Vec<Map> {
@@ -14,7 +14,7 @@ pub fn exposure_backward(map: &Map, image: &[[f64; 4]], grads: &mut [[f64; 3]]) 
         let sum = &mut sums[pixel / SUM_PIXELS];
         let mut to_image = [0.0; 3];
         for (row, &of_row) in grad.iter().enumerate() {
-            // If the gradient is 0 the rendered colour may be any value, even NaN.
+            // If the gradient is 0 the rendered color may be any value, even NaN.
             if of_row != 0.0 {
                 [r, g, b, 1.0].iter().enumerate().for_each(|(column, c)| sum[4 * row + column] += of_row * c);
             }

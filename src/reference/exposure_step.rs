@@ -1,4 +1,4 @@
-//! Twin of `exposure_step.comp`: the Adam step of one photograph's map of colours.
+//! Twin of `exposure_step.comp`: the Adam step of one photograph's map of colors.
 
 use super::{
     adam::{BETA1, BETA2, PlaneRate, adam_one},

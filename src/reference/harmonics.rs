@@ -1,4 +1,4 @@
-//! Twin of `glsl/shared/colour.glsl`: the colour of a Gaussian toward a view, and its gradient. Real
+//! Twin of `glsl/shared/color.glsl`: the color of a Gaussian toward a view, and its gradient. Real
 //! spherical harmonics up to degree 3 with the sign convention of 3DGS, in which Y of order m carries (−1)^m,
 //! or their constant and betas.
 
@@ -14,30 +14,30 @@ use crate::scene::{
 };
 
 /// RGB before it is clamped at 0. `direction` is the unit vector from the eye to the Gaussian.
-pub fn colour_of(params: &Params, i: usize, degree: u32, direction: DVec3) -> [f64; 3] {
+pub fn color_of(params: &Params, i: usize, degree: u32, direction: DVec3) -> [f64; 3] {
     let degree = color::of(params.sh_degree).part(degree);
     let harmonics = if degree == BETAS { 0 } else { degree };
-    let mut colour = [0.5; 3];
+    let mut color = [0.5; 3];
     for (k, y) in basis(harmonics, direction).iter().enumerate().take(coefficients(harmonics)) {
         for (c, coefficient) in params.coefficient(i, k).into_iter().enumerate() {
-            colour[c] += y * coefficient;
+            color[c] += y * coefficient;
         }
     }
     if degree == BETAS {
         for lobe in lobes(params, i, direction) {
-            (0..3).for_each(|c| colour[c] += lobe.factor * lobe.light[c]);
+            (0..3).for_each(|c| color[c] += lobe.factor * lobe.light[c]);
         }
     }
-    colour
+    color
 }
 
 /// Writes the gradients of the coefficients to `out` and returns that of the direction, not yet made tangent to the sphere.
-pub fn colour_backward(
+pub fn color_backward(
     params: &Params,
     i: usize,
     degree: u32,
     direction: DVec3,
-    colour_grad: [f64; 3],
+    color_grad: [f64; 3],
     out: &mut Params,
 ) -> DVec3 {
     let degree = color::of(params.sh_degree).part(degree);
@@ -45,14 +45,14 @@ pub fn colour_backward(
     let (basis, basis_grad) = (basis(harmonics, direction), basis_gradient(harmonics, direction));
     let mut direction_grad = DVec3::ZERO;
     if degree == BETAS {
-        direction_grad += betas::backward(params, i, direction, colour_grad, out);
+        direction_grad += betas::backward(params, i, direction, color_grad, out);
     }
     for k in 0..coefficients(harmonics) {
         let coefficient = params.coefficient(i, k);
         let mut sum = 0.0;
         for c in 0..3 {
-            out.sh[(3 * k + c) * params.stride + i] = basis[k] * colour_grad[c];
-            sum += coefficient[c] * colour_grad[c];
+            out.sh[(3 * k + c) * params.stride + i] = basis[k] * color_grad[c];
+            sum += coefficient[c] * color_grad[c];
         }
         direction_grad += basis_grad[k] * sum;
     }

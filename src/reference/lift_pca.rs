@@ -1,4 +1,4 @@
-//! Twin of `lift_pca.comp`: the 3D Gaussian of each prime group: position, weighted PCA, calibration, colour
+//! Twin of `lift_pca.comp`: the 3D Gaussian of each prime group: position, weighted PCA, calibration, color
 //! and lobe (method, section 4.3 to 4.6). The kernel's head comment lists the cases in which the algebra is
 //! not unique.
 
@@ -527,7 +527,7 @@ mod tests {
         let lift = lift_pca(&g, &points, &clusters, &[], 1.0, false)[0];
         sound(&lift);
         assert_eq!(lift.cluster_size, 3);
-        // With no length at all there is nothing to scale: no lift. There is none either if the colour or the
+        // With no length at all there is nothing to scale: no lift. There is none either if the color or the
         // centre is NaN.
         assert_eq!(lift_pca(&g, &points, &clusters, &[], 0.0, false)[0], Lift::default());
         for bad in [0, 3, 5, 6, 8] {

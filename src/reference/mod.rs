@@ -120,11 +120,11 @@ pub struct Splat {
     pub l22: f64,
     /// σ(logit) · lobe · compensation.
     pub opacity: f64,
-    /// Colour, ≥ 0.
+    /// Color, ≥ 0.
     pub r: f64,
-    /// Colour, ≥ 0.
+    /// Color, ≥ 0.
     pub g: f64,
-    /// Colour, ≥ 0.
+    /// Color, ≥ 0.
     pub b: f64,
     /// Camera z, scene units.
     pub z: f64,
@@ -151,10 +151,10 @@ impl Splat {
     }
 }
 
-/// The constant colour or the image (row-major, width · height pixels) behind all Gaussians.
+/// The constant color or the image (row-major, width · height pixels) behind all Gaussians.
 #[derive(Debug, Clone, Copy)]
 pub enum Background<'a> {
-    /// One colour for all pixels, sRGB.
+    /// One color for all pixels, sRGB.
     Color([f64; 3]),
     /// By pixel: the backdrop of a screen phase.
     Image(&'a [[f64; 3]]),

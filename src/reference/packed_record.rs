@@ -38,7 +38,7 @@ pub fn unit_of(words: [u32; 4], k: usize) -> f64 {
     unit(words[3].to_le_bytes()[unit_at(k)])
 }
 
-/// Exponents of the units: of the centre's first two numbers, of the shape, of the colour, of the opacity.
+/// Exponents of the units: of the centre's first two numbers, of the shape, of the color, of the opacity.
 fn units_of(numbers: &[f32; 9]) -> [u8; 4] {
     let of = |parts: &[f32]| {
         let largest = parts.iter().map(|part| part.abs().to_bits()).max().unwrap_or(0) >> 23;

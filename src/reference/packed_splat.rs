@@ -1,4 +1,4 @@
-//! Twin of `glsl/shared/packed_splat.glsl`: a splat and its colour in 28 bytes.
+//! Twin of `glsl/shared/packed_splat.glsl`: a splat and its color in 28 bytes.
 
 use super::{
     Splat,
@@ -15,8 +15,8 @@ const HALF_MAX: f32 = 65504.0;
 
 /// Packs a splat, through float32.
 pub fn pack_splat(s: &Splat) -> PackedSplat {
-    let half = |colour: f64| {
-        let bits = (colour as f32).min(HALF_MAX).to_bits();
+    let half = |color: f64| {
+        let bits = (color as f32).min(HALF_MAX).to_bits();
         u32::from(f16::from_f32(f32::from_bits((bits + 0x1000) & !0x1fff)).to_bits())
     };
     let opacity = (s.opacity as f32 / OPACITY_STEP + 0.5).min(65535.0) as u32;
@@ -59,7 +59,7 @@ pub fn packed(projected: Projected, tiling: &Tiling) -> Projected {
 mod tests {
     use super::*;
 
-    /// Opacities to half of 1/65280, and exact at α's threshold; colours to half a unit of a half, 2^-11 of
+    /// Opacities to half of 1/65280, and exact at α's threshold; colors to half a unit of a half, 2^-11 of
     /// themselves.
     #[test]
     fn a_packed_splat_comes_back() {

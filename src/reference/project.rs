@@ -53,7 +53,7 @@ fn project_one(params: &Params, view: &View, options: &Options, i: usize) -> Opt
         return None;
     }
     let direction = (params.mean(i) - view.eye).normalize();
-    let shade = harmonics::colour_of(params, i, options.active_degree, direction);
+    let shade = harmonics::color_of(params, i, options.active_degree, direction);
     if !shade.iter().all(|c| c.abs() <= FLOAT_MAX) {
         return None;
     }

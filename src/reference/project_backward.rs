@@ -35,7 +35,7 @@ pub fn project_backward(
 }
 
 /// [`project_backward`] for the summed records of a `loss_probe`. A probe has no sign, so a clamped channel
-/// passes it only while `known`, the curvature of the Gaussian's constant colour, is 0.
+/// passes it only while `known`, the curvature of the Gaussian's constant color, is 0.
 pub fn probe_backward(
     params: &Params,
     view: &View,
@@ -218,7 +218,7 @@ fn geometry_backward(
     view.rotation().transpose() * p_grad
 }
 
-/// The gradient by the colour before it is clamped. A channel that max(0, ·) clamped is exactly 0; it gets a
+/// The gradient by the color before it is clamped. A channel that max(0, ·) clamped is exactly 0; it gets a
 /// gradient if `passes`, which is not the derivative.
 fn color_gradient(splat: &Splat, record: &Record, i: usize, passes: Passes<'_>) -> [f64; 3] {
     let color = splat.color();
@@ -237,7 +237,7 @@ fn color_backward(
     let offset = params.mean(i) - view.eye;
     let distance = offset.length();
     let direction = offset / distance;
-    let direction_grad = harmonics::colour_backward(params, i, options.active_degree, direction, color_grad, out);
+    let direction_grad = harmonics::color_backward(params, i, options.active_degree, direction, color_grad, out);
     (direction_grad - direction * direction.dot(direction_grad)) / distance
 }
 

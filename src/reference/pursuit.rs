@@ -114,7 +114,7 @@ pub struct Fit {
     /// T of the lobe; 0: no lobe.
     pub width: f64,
     /// sRGB.
-    pub colour: DVec3,
+    pub color: DVec3,
     /// 0: none.
     pub gain: f64,
     /// C of [`super::pursuit_score`].
@@ -129,7 +129,7 @@ impl From<&types::Fit> for Fit {
             sigma: f.sigma.into(),
             opacity: f.opacity.into(),
             width: f.width.into(),
-            colour: DVec3::from_array(f.colour.map(f64::from)),
+            color: DVec3::from_array(f.color.map(f64::from)),
             gain: f.gain.into(),
             support: f.support.into(),
             plain: f.plain.into(),

@@ -14,7 +14,7 @@ const LEAST: f64 = 1e-6;
 pub fn pursuit_attenuate(ground: &Ground<'_>, c: &Candidate, fit: &Fit, explained: &mut [u32]) {
     for (v, s) in ground.sights(c) {
         let Some((alpha, t, deviation)) = ground.meets(v, &s, fit) else { continue };
-        let (before, change) = (2.0 * t.difference, alpha * (fit.colour - t.render));
+        let (before, change) = (2.0 * t.difference, alpha * (fit.color - t.render));
         let share = (change.dot(before) / before.length_squared().max(LEAST)).clamp(0.0, MOST);
         let width = ground.views[v as usize].width;
         let [x0, y0, x1, y1] = ground.window(v, &s, REACH * deviation);

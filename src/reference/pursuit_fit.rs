@@ -1,4 +1,4 @@
-//! Twin of `pursuit_fit.comp`: finds the size, lobe width, opacity and colour of a candidate with the largest
+//! Twin of `pursuit_fit.comp`: finds the size, lobe width, opacity and color of a candidate with the largest
 //! gain over all views.
 
 use glam::DVec3;
@@ -15,22 +15,22 @@ const OPACITY_MIN: f64 = 0.1;
 const OPACITY_MAX: f64 = 0.95;
 const ROUNDS: usize = 3;
 
-/// The opacity and colour with the largest gain for one size and width; `None` if no view is within the lobe.
+/// The opacity and color with the largest gain for one size and width; `None` if no view is within the lobe.
 pub fn best_of(x: &[f64; SUMS as usize]) -> Option<(f64, DVec3, f64)> {
     let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
     if !(x[6] > 0.0) {
         return None;
     }
-    let bend = |colour: DVec3| x[8] - 2.0 * colour.dot(b) + colour.length_squared() * x[6];
-    let (mut opacity, mut colour) = (OPACITY_FIRST, DVec3::ZERO);
+    let bend = |color: DVec3| x[8] - 2.0 * color.dot(b) + color.length_squared() * x[6];
+    let (mut opacity, mut color) = (OPACITY_FIRST, DVec3::ZERO);
     for _ in 0..ROUNDS {
-        colour = ((a / opacity + b) / x[6]).clamp(DVec3::ZERO, DVec3::ONE);
-        if bend(colour) > 0.0 {
-            opacity = ((colour.dot(a) - x[7]) / bend(colour)).clamp(OPACITY_MIN, OPACITY_MAX);
+        color = ((a / opacity + b) / x[6]).clamp(DVec3::ZERO, DVec3::ONE);
+        if bend(color) > 0.0 {
+            opacity = ((color.dot(a) - x[7]) / bend(color)).clamp(OPACITY_MIN, OPACITY_MAX);
         }
     }
-    let gain = 2.0 * opacity * (colour.dot(a) - x[7]) - opacity * opacity * bend(colour);
-    Some((opacity, colour, gain))
+    let gain = 2.0 * opacity * (color.dot(a) - x[7]) - opacity * opacity * bend(color);
+    Some((opacity, color, gain))
 }
 
 /// Factor of a gain after subtracting `doubt` of its standard errors, if views gain in proportion to a l².
@@ -47,7 +47,7 @@ pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2],
         for (w, x) in sums.iter().enumerate() {
             let is_plain = w as u32 == WIDTHS - 1;
             let worth = worth[usize::from(is_plain)];
-            let Some((opacity, colour, gain)) = best_of(x).filter(|(_, _, gain)| *gain <= FLOAT_MAX) else { continue };
+            let Some((opacity, color, gain)) = best_of(x).filter(|(_, _, gain)| *gain <= FLOAT_MAX) else { continue };
             if is_plain {
                 plain = plain.max(gain);
             }
@@ -55,7 +55,7 @@ pub fn pursuit_fit(c: &Candidate, sums: &[Sums], sizes: &[f64], worth: [f64; 2],
             if counts > most {
                 most = counts;
                 let width = lobe_width(w as u32, c.theta_bar);
-                best = Fit { sigma: sigma_of(size, c.px), opacity, width, colour, gain, support: x[6], plain: 0.0 };
+                best = Fit { sigma: sigma_of(size, c.px), opacity, width, color, gain, support: x[6], plain: 0.0 };
             }
         }
     }
@@ -73,10 +73,10 @@ mod tests {
         ([-0.05, 0.0, 0.02], [0.5, 0.4, 0.4], 0.2, 5.0),
     ];
 
-    fn brute(opacity: f64, colour: DVec3) -> f64 {
+    fn brute(opacity: f64, color: DVec3) -> f64 {
         let one = |&(r, b, l, a): &([f64; 3], [f64; 3], f64, f64)| {
             let (r, b) = (DVec3::from_array(r), DVec3::from_array(b));
-            a * (r.length_squared() - (r - opacity * l * (colour - b)).length_squared())
+            a * (r.length_squared() - (r - opacity * l * (color - b)).length_squared())
         };
         VIEWS.iter().map(one).sum()
     }
@@ -98,8 +98,8 @@ mod tests {
 
     #[test]
     fn the_gain_is_the_fall_of_the_squared_error_and_nearly_the_best() {
-        let (opacity, colour, gain) = best_of(&sums()).unwrap();
-        assert!((gain - brute(opacity, colour)).abs() < 1e-12);
+        let (opacity, color, gain) = best_of(&sums()).unwrap();
+        assert!((gain - brute(opacity, color)).abs() < 1e-12);
         let steps = |n: usize| (0..=n).map(move |i| i as f64 / n as f64);
         let grid = steps(17).flat_map(|o| {
             let o = OPACITY_MIN + o * (OPACITY_MAX - OPACITY_MIN);

@@ -14,7 +14,7 @@ pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: 
         let pixel = (ground.plots[v as usize].pixel_first + s.pixel) as usize;
         let left = 1.0 - f64::from(explained[pixel]) / WHOLE;
         let before = 2.0 * left * t.difference;
-        let after = before - alpha * (fit.colour - t.render);
+        let after = before - alpha * (fit.color - t.render);
         let (area, l) = (PI * deviation * deviation, alpha / fit.opacity);
         let others = 1.0 - caution * area * l * l / fit.support;
         let [before, after] = [before, after].map(DVec3::length_squared);
@@ -73,7 +73,7 @@ mod tests {
         (0..3 * TEXELS).map(one).collect()
     }
 
-    /// The sums give the decrease of the squared error, view by view, for any opacity, colour, size and
+    /// The sums give the decrease of the squared error, view by view, for any opacity, color, size and
     /// width.
     #[test]
     fn the_sums_say_what_each_view_gains() {
@@ -88,13 +88,13 @@ mod tests {
             let sums = pursuit_score(&ground, &c, sigma);
             for (w, x) in sums.iter().enumerate() {
                 let width = lobe_width(w as u32, c.theta_bar);
-                for (opacity, colour) in [(0.3, DVec3::new(0.9, 0.1, 0.4)), (0.95, DVec3::ZERO), (0.6, DVec3::ONE)] {
-                    let fit = Fit { sigma, opacity, width, colour, gain: 1.0, support: 1.0, plain: 0.0 };
+                for (opacity, color) in [(0.3, DVec3::new(0.9, 0.1, 0.4)), (0.95, DVec3::ZERO), (0.6, DVec3::ONE)] {
+                    let fit = Fit { sigma, opacity, width, color, gain: 1.0, support: 1.0, plain: 0.0 };
                     let [by_view, _] = pursuit_gain(&ground, &[0; 3 * 256], &c, &fit, 0.0);
                     let (a, b) = (DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5]));
                     let o2 = opacity * opacity;
-                    let by_sums = 2.0 * colour.dot(opacity * a + o2 * b)
-                        - colour.length_squared() * o2 * x[6]
+                    let by_sums = 2.0 * color.dot(opacity * a + o2 * b)
+                        - color.length_squared() * o2 * x[6]
                         - 2.0 * opacity * x[7]
                         - o2 * x[8];
                     assert!((by_view - by_sums).abs() < 1e-9, "{size} {w}: {by_view} {by_sums}");
@@ -106,7 +106,7 @@ mod tests {
         assert!(lobes >= 8, "{lobes}");
     }
 
-    /// One view, a residual of (0.4, 0, 0) on black: a fit of opacity 0.5 and colour (0.4, 0, 0) explains half of it.
+    /// One view, a residual of (0.4, 0, 0) on black: a fit of opacity 0.5 and color (0.4, 0, 0) explains half of it.
     #[test]
     fn what_is_explained_is_gained_no_more() {
         let (views, plots, c) = scene();
@@ -114,7 +114,7 @@ mod tests {
         let ground =
             Ground { views: &views[..1], plots: &plots, surface_depths: &[2.0; 256], texels: &texels, range: (0, 1) };
         let fit =
-            Fit { sigma: 0.1, opacity: 0.5, width: 0.0, colour: DVec3::X * 0.4, gain: 1.0, support: 1.0, plain: 0.0 };
+            Fit { sigma: 0.1, opacity: 0.5, width: 0.0, color: DVec3::X * 0.4, gain: 1.0, support: 1.0, plain: 0.0 };
         let mut explained = vec![0; 256];
         let before = pursuit_gain(&ground, &explained, &c, &fit, 0.0)[0];
         // s² = (0.1 · 20 / 2)² + 0.3 px². A uniform residual of 0.4 is that of a footprint that is 0.8 in the
@@ -135,7 +135,7 @@ mod tests {
         let fifth = pursuit_gain(&ground, &explained, &c, &fit, 0.0)[0];
         assert!((fifth + PI * 1.3 * 0.2f64.powi(2)).abs() < 1e-12, "{fifth}");
         // A change in the wrong direction explains nothing, though it is a loss.
-        let worse = Fit { colour: DVec3::Y, ..fit };
+        let worse = Fit { color: DVec3::Y, ..fit };
         let mut same = explained.clone();
         pursuit_attenuate(&ground, &c, &worse, &mut same);
         assert!(same == explained && pursuit_gain(&ground, &[0; 256], &c, &worse, 0.0)[0] < 0.0);
@@ -183,19 +183,19 @@ mod tests {
         let (pixel, toward) = (SIDE * SIDE / 2 + SIDE / 2, -mean.normalize());
         let c = Candidate { mean, toward, px: depth / f, theta_bar: 0.1, view: 0, pixel };
         for deviation in [1.4, 2.8] {
-            for (opacity, colour, gains) in [
+            for (opacity, color, gains) in [
                 (0.1, mean_b + 5.0 * mean_r, true),
                 (0.6, mean_b + mean_r, false),
                 (0.9, DVec3::new(0.9, 0.1, 0.4), false),
             ] {
                 let sigma = (deviation * deviation - DILATION).sqrt() * c.px;
-                let fit = Fit { sigma, opacity, width: 0.0, colour, gain: 1.0, support: 1.0, plain: 0.0 };
+                let fit = Fit { sigma, opacity, width: 0.0, color, gain: 1.0, support: 1.0, plain: 0.0 };
                 let [found, _] = pursuit_gain(&ground, &vec![0; depths.len()], &c, &fit, 0.0);
                 let fall = |i: u32| {
                     let d = DVec2::new(f64::from(i % SIDE), f64::from(i / SIDE)) + 0.5 - at;
                     let alpha = opacity * (-0.5 * d.length_squared() / (deviation * deviation)).exp();
                     let t = &image[i as usize];
-                    t.difference.length_squared() - (t.difference - alpha * (colour - t.render)).length_squared()
+                    t.difference.length_squared() - (t.difference - alpha * (color - t.render)).length_squared()
                 };
                 let fell: f64 = (0..SIDE * SIDE).map(fall).sum();
                 // A checkerboard's mean under 1.4 px is its own mean to within 1e-4; under the squared

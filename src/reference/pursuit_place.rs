@@ -14,7 +14,7 @@ pub fn pursuit_place(c: &Candidate, fit: &Fit) -> Lift {
         mean: c.mean.to_array(),
         log_scale: [fit.sigma.ln(); 3],
         quat: [1.0, 0.0, 0.0, 0.0],
-        dc: ((fit.colour - 0.5) / sh_c0).to_array(),
+        dc: ((fit.color - 0.5) / sh_c0).to_array(),
         opacity: (fit.opacity / (1.0 - fit.opacity)).ln(),
         lobe_dir: c.toward.to_array(),
         lobe_width: fit.width,
@@ -31,13 +31,13 @@ mod tests {
     use crate::reference::sigmoid;
 
     #[test]
-    fn a_placed_gaussian_has_the_fits_colour_and_opacity() {
+    fn a_placed_gaussian_has_the_fits_color_and_opacity() {
         let c = Candidate { mean: DVec3::ONE, toward: DVec3::X, px: 0.1, theta_bar: 0.2, view: 3, pixel: 4 };
         let fit = Fit {
             sigma: 0.02,
             opacity: 0.7,
             width: 0.0,
-            colour: DVec3::new(0.1, 0.5, 0.9),
+            color: DVec3::new(0.1, 0.5, 0.9),
             gain: 1.0,
             support: 1.0,
             plain: 0.0,

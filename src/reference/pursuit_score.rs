@@ -1,4 +1,4 @@
-//! Twin of `pursuit_score.comp`: the sums from which a candidate's best colour, opacity and gain follow for a
+//! Twin of `pursuit_score.comp`: the sums from which a candidate's best color, opacity and gain follow for a
 //! size and every lobe width.
 
 use std::f64::consts::PI;

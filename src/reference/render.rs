@@ -13,7 +13,7 @@ use super::{Background, Params, View};
 /// Rendering options of the twins.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// What of the colours to evaluate, as [`part`](crate::scene::color::ColorModel::part) has it; coefficients beyond it get no gradient.
+    /// What of the colors to evaluate, as [`part`](crate::scene::color::ColorModel::part) has it; coefficients beyond it get no gradient.
     pub active_degree: u32,
     /// Mip-Splatting's opacity compensation.
     pub compensate: bool,

@@ -29,7 +29,7 @@ impl To {
     pub fn resolve(&self, rendered: [f64; 4], below: [f64; 4]) -> [f64; 4] {
         let transmittance = rendered[3];
         let alpha = if self.whole() { 1.0 } else { 1.0 - transmittance };
-        let colour = |c: usize| {
+        let color = |c: usize| {
             let straight = if alpha > 0.0 { rendered[c] / alpha } else { 0.0 };
             let straight = if self.exposure == 1.0 {
                 straight
@@ -52,7 +52,7 @@ impl To {
             OPAQUE => 1.0,
             _ => alpha,
         };
-        [colour(0), colour(1), colour(2), covered]
+        [color(0), color(1), color(2), covered]
     }
 }
 
@@ -139,13 +139,13 @@ mod tests {
     }
 
     #[test]
-    fn over_an_opaque_texel_is_what_a_background_of_its_colour_gives() {
+    fn over_an_opaque_texel_is_what_a_background_of_its_color_gives() {
         let below = [0.3, 0.6, 0.9, 1.0];
-        let (colour, t) = ([0.2, 0.1, 0.4], 0.25);
+        let (color, t) = ([0.2, 0.1, 0.4], 0.25);
         let over = To { blend: OVER, linear: false, exposure: 1.0, background: [0.0; 3] };
-        let result = over.resolve([colour[0], colour[1], colour[2], t], below);
+        let result = over.resolve([color[0], color[1], color[2], t], below);
         for c in 0..3 {
-            assert!((result[c] - (colour[c] + t * below[c])).abs() < 1e-12);
+            assert!((result[c] - (color[c] + t * below[c])).abs() < 1e-12);
         }
         assert_eq!(result[3], 1.0);
         // The same in linear light: the content below is encoded first.
@@ -153,7 +153,7 @@ mod tests {
         for c in 0..3 {
             assert!((srgb_from_linear(light[c]) - result[c]).abs() < 1e-6);
         }
-        // Twice the light of a colour is not twice its value.
+        // Twice the light of a color is not twice its value.
         let to = To { blend: PREMULTIPLIED, linear: true, exposure: 2.0, background: [0.0; 3] };
         let brighter = to.resolve([0.3, 0.3, 0.3, 0.5], [0.0; 4]);
         assert!((brighter[0] - 0.5 * 2.0 * linear_from_srgb(0.6)).abs() < 1e-9);

@@ -85,7 +85,7 @@ fn gaussians(rng: &mut ChaCha8Rng, count: usize, sh_degree: u32) -> Gaussians {
         out.quats.push(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
         // σ(−6) = 0.0025, σ(6.9) = 0.999.
         out.opacities.push(rng.random_range(-6.0..6.9));
-        // Band 0 spans colours 0.5 ± 0.5 and a little beyond, so that some channels are clamped at 0.
+        // Band 0 spans colors 0.5 ± 0.5 and a little beyond, so that some channels are clamped at 0.
         out.sh.push(std::array::from_fn(|_| rng.random_range(-2.0..2.0)));
         for k in 1..out.sh_coefficients() {
             // Shapes of betas' lobes, θ, φ and b: from a cosine to some degrees.

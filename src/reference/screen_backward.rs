@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use super::adam::{BETA1, BETA2, EPSILON};
 use super::blend_backward::Record;
-use super::screen_project::{ANGLE, COLOUR, LOG_SCALE, LOGIT, ScreenGaussian, Shape};
+use super::screen_project::{ANGLE, COLOR, LOG_SCALE, LOGIT, ScreenGaussian, Shape};
 use super::{DILATION, Intersections, sigmoid};
 
 /// ∂loss/∂gaussian 0..8.
@@ -15,8 +15,8 @@ pub type ScreenGrad = [f64; 9];
 
 /// Learning rate of the centre, multiplied by the mean of width and height (method, section 3).
 pub const RATE_CENTRE: f64 = 0.001;
-/// Learning rate of the colour.
-pub const RATE_COLOUR: f64 = 0.01;
+/// Learning rate of the color.
+pub const RATE_COLOR: f64 = 0.01;
 /// Learning rate of the opacity's logit.
 pub const RATE_LOGIT: f64 = 0.02;
 /// Learning rate of the log scales.
@@ -124,7 +124,7 @@ pub fn screen_step(
             let (rate, low, high) = match p {
                 0 => (RATE_CENTRE * 0.5 * (width + height), 0.0, width),
                 1 => (RATE_CENTRE * 0.5 * (width + height), 0.0, height),
-                COLOUR..LOGIT => (RATE_COLOUR, 0.0, 1.0),
+                COLOR..LOGIT => (RATE_COLOR, 0.0, 1.0),
                 LOGIT => (RATE_LOGIT, f64::MIN, f64::MAX),
                 LOG_SCALE..ANGLE => (RATE_LOG_SCALE, f64::MIN, log_scale_max),
                 _ => (RATE_ANGLE, f64::MIN, f64::MAX),
@@ -168,7 +168,7 @@ mod tests {
                 gaussian[0] = rng.random_range(0.0..SIZE[0] as f64);
                 gaussian[1] = rng.random_range(0.0..SIZE[1] as f64);
                 for c in 0..3 {
-                    gaussian[COLOUR + c] = rng.random_range(0.0..1.0);
+                    gaussian[COLOR + c] = rng.random_range(0.0..1.0);
                 }
                 gaussian[LOGIT] = rng.random_range(-3.0..3.0);
                 gaussian[LOG_SCALE] = rng.random_range(-1.0..2.0);

@@ -5,7 +5,7 @@
 
 use super::hash::pcg4d;
 use super::screen_backward::FIRST_SCALE_MIN;
-use super::screen_project::{COLOUR, LOG_SCALE, LOGIT, ScreenGaussian};
+use super::screen_project::{COLOR, LOG_SCALE, LOGIT, ScreenGaussian};
 
 /// Losses whose square float32 can hold; a pixel with another loss is never drawn.
 pub const LOSS_RANGE: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
@@ -58,7 +58,7 @@ pub fn new_screen_gaussian(pixel: u32, image: &[[f64; 4]], width: u32, height: u
     gaussian[0] = f64::from(pixel % width) + 0.5;
     gaussian[1] = f64::from(pixel / width) + 0.5;
     for c in 0..3 {
-        gaussian[COLOUR + c] = image[pixel as usize][c].clamp(0.0, 1.0);
+        gaussian[COLOR + c] = image[pixel as usize][c].clamp(0.0, 1.0);
     }
     gaussian[LOGIT] = (FIRST_OPACITY / (1.0 - FIRST_OPACITY)).ln();
     let log_scale = (FIRST_SCALE * f64::from(width.min(height))).clamp(FIRST_SCALE_MIN, 50.0).ln();

@@ -11,8 +11,8 @@ use super::{ALPHA_MIN, DILATION, Options, Splat, sigmoid};
 pub type ScreenGaussian = [f64; 10];
 /// First plane of the centre, x and y.
 pub const CENTRE: usize = 0;
-/// First plane of the colour, r, g and b.
-pub const COLOUR: usize = 2;
+/// First plane of the color, r, g and b.
+pub const COLOR: usize = 2;
 /// Plane of the opacity's logit.
 pub const LOGIT: usize = 5;
 /// First plane of the two log scales.

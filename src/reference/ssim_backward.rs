@@ -71,7 +71,7 @@ mod tests {
         }
     }
 
-    /// With a mask the loss is that of the counted pixels alone: other pixels' colours change nothing, and
+    /// With a mask the loss is that of the counted pixels alone: other pixels' colors change nothing, and
     /// the gradient equals central differences.
     #[test]
     fn pixels_that_do_not_count_have_no_loss_and_no_gradient() {

@@ -15,7 +15,7 @@ const FIRST_OPACITY: f32 = 0.1;
 const MIN_SQUARED_DISTANCE: f32 = 1e-7;
 
 /// Makes one Gaussian for each point: isotropic, as wide as the root mean square distance to its three
-/// nearest neighbours, with opacity 0.1 and its colour in the constant band. `positions` and `colors` (8-bit
+/// nearest neighbours, with opacity 0.1 and its color in the constant band. `positions` and `colors` (8-bit
 /// sRGB) have the same length.
 pub fn from_points(positions: &[[f32; 3]], colors: &[[u8; 3]], sh_degree: u32) -> Gaussians {
     let n = positions.len();

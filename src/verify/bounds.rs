@@ -111,7 +111,7 @@ pub const BOUNDS: [Bound; 57] = [
         relative_l2: 2e-5,
         bias: 1e-5,
         flips: 0.05,
-        reason: "What lies behind is the final colour less all before it: roundings of 6e-8 of the colour, divided by 1 − α, \
+        reason: "What lies behind is the final color less all before it: roundings of 6e-8 of the color, divided by 1 − α, \
                  0.01 at least: 6e-6 of the largest gradient. In records, sums over a tile, it grows no further. \
                  A packed number is a code of some 2^-9: an error of 1e-5 of terms that cancel puts one in fifty on the other side.",
     },
@@ -171,7 +171,7 @@ pub const BOUNDS: [Bound; 57] = [
         bias: 5e-5,
         reason: "In units of 1 / (3 pixels) the L1 part is 0.8. Of the SSIM part the partials err by 7e-5 of themselves, and \
                  what they sum up to in flat areas has the rounding of numbers up to 1 / C2 = 1100: 6e-8 of that, times 0.2, \
-                 a few times over. In flat areas of one colour the rounding is the same everywhere, hence the bias.",
+                 a few times over. In flat areas of one color the rounding is the same everywhere, hence the bias.",
         ..EXACT
     },
     Bound { stage: "loss_sum", max: 3e-4, relative_l2: 3e-4, reason: LOSS, ..EXACT },
@@ -355,7 +355,7 @@ pub const BOUNDS: [Bound; 57] = [
         max: 1e-2,
         relative_l2: 1e-3,
         flips: 0.01,
-        reason: "Opacity and colour are quotients of differences of sums that cancel by up to a factor of a thousand; the gain is flat around \
+        reason: "Opacity and color are quotients of differences of sums that cancel by up to a factor of a thousand; the gain is flat around \
                  them. Of 24,000 candidates the worst is 6.8e-3. Another size or width may be taken where it gains the same to 1e-3, or to \
                  the rounding of its sums.",
         ..EXACT

@@ -128,13 +128,13 @@ fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> R
         .collect();
     let triple = |k: u32, of: u32| [0, 1, 2].map(|c| if of == 0 { unit(3 * k + c) - 0.5 } else { unit(7 * k + c) });
     let centres: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 0)).collect();
-    let colours: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 1)).collect();
+    let colors: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 1)).collect();
     let words = |slot: usize| match pulls {
         true => {
             let parts = [centres[slot], [0.0; 3], [0.0; 3]];
             pack_record(&std::array::from_fn(|k| f64::from(parts[k / 3][k % 3])), false)
         }
-        false => [colours[slot][0].to_bits(), colours[slot][1].to_bits(), 0, 0],
+        false => [colors[slot][0].to_bits(), colors[slot][1].to_bits(), 0, 0],
     };
     let words: Vec<[u32; 4]> = (0..slots as usize).map(words).collect();
     let splats: Vec<types::Splat> = (0..(before + count) as u32)
@@ -146,7 +146,7 @@ fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> R
         Buffer::from_slice(context, "first_slot", &first_slot)?,
         Buffer::from_slice(context, "splats", &splats)?,
         Buffer::from_slice(context, "centres", &centres)?,
-        Buffer::from_slice(context, "colours", &colours)?,
+        Buffer::from_slice(context, "colors", &colors)?,
         Buffer::from_slice(context, "scores", &start)?,
         Buffer::from_slice(context, "words", &words)?,
     );
@@ -160,7 +160,7 @@ fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> R
         splats: &there.2,
         record_centres: &there.3,
         record_shapes: &there.3,
-        record_colours: &there.4,
+        record_colors: &there.4,
         record_words: &there.6,
         scores: &there.5,
     };

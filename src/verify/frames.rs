@@ -28,7 +28,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
 fn texels(bench: &Bench<'_>, pixels: usize) -> Result<()> {
     let unit = |i: usize| noise(i as u32) as f32 / u32::MAX as f32;
     let channels: [Vec<f32>; 7] = std::array::from_fn(|c| (0..pixels).map(|p| unit(c * pixels + p)).collect());
-    // Premultiplied colours up to 1.5 times alpha; transmittances from 0 to 1; a background; depths, one in
+    // Premultiplied colors up to 1.5 times alpha; transmittances from 0 to 1; a background; depths, one in
     // eight empty.
     let image: Vec<[f32; 4]> = (0..pixels)
         .map(|p| {

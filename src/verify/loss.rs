@@ -47,7 +47,7 @@ struct Batch {
 }
 
 impl Batch {
-    /// Gradients, edges, noise, flat bright areas (the hardest for float32 variances), colours above 1.
+    /// Gradients, edges, noise, flat bright areas (the hardest for float32 variances), colors above 1.
     fn new(sizes: &[(u32, u32)]) -> Self {
         let unit = |i: usize| (noise(i as u32) >> 8) as f32 / 16_777_216.0;
         let pixels = |&(width, height): &(u32, u32)| width * height;

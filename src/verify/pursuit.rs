@@ -29,16 +29,11 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
             let depth = f64::from(case.depths[case.pixel_firsts[v] + p as usize]);
             let world = camera.unproject(x, y, depth.max(1.0));
             let gloss = (-40.0 * (world.normalize() - (camera.eye() - world).normalize()).length_squared()).exp();
-            let colour = (3.0 * world).to_array().map(|c| 0.4 + 0.3 * c.sin());
-            image.push([
-                colour[0] as f32,
-                colour[1] as f32,
-                if p % 211 == 5 { f32::NAN } else { colour[2] as f32 },
-                0.0,
-            ]);
-            for (c, colour) in colour.into_iter().enumerate() {
+            let color = (3.0 * world).to_array().map(|c| 0.4 + 0.3 * c.sin());
+            image.push([color[0] as f32, color[1] as f32, if p % 211 == 5 { f32::NAN } else { color[2] as f32 }, 0.0]);
+            for (c, color) in color.into_iter().enumerate() {
                 let off = f64::from(noise(7 * p + c as u32 + 1000 * v as u32) % 64) / 1024.0 - 0.03;
-                photo.push((255.0 * (colour + 0.4 * gloss + off)).clamp(0.0, 255.0) as u8);
+                photo.push((255.0 * (color + 0.4 * gloss + off)).clamp(0.0, 255.0) as u8);
             }
         }
         images.push(image);

@@ -25,7 +25,7 @@ pub struct Load {
     pub gaussians: usize,
 }
 
-/// Random Gaussians, and four views. The photographs show the same Gaussians with permuted colours. The coverage of
+/// Random Gaussians, and four views. The photographs show the same Gaussians with permuted colors. The coverage of
 /// an image is `overlap` times that of 2,000 Gaussians of the usual size.
 ///
 /// # Errors

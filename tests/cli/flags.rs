@@ -87,7 +87,7 @@ fn every_option_of_augmenting_changes_the_scene() {
 #[test]
 fn what_is_transparent_in_a_photo_has_the_background() {
     let work = Work::new();
-    // The colour of a fully transparent pixel must not matter.
+    // The color of a fully transparent pixel must not matter.
     let fill = |work: &Work, hidden: Rgba<u8>| {
         for name in NAMES {
             let path = work.path("data/images").join(name);

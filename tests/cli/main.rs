@@ -409,7 +409,7 @@ fn bad_usage_exits_with_2_and_help_with_0() {
         "train data -o x.ply --max-size 0",
         "train data -o x.ply --background grey",
         "train data -o x.ply --no-such-flag",
-        "render base.ply data -o out --what colour",
+        "render base.ply data -o out --what color",
         "eval base.ply",
         "verify --twin blending",
     ] {

@@ -12,7 +12,7 @@ fn broken(work: &Work, name: &str, scene: &Scene, rows: &[usize]) {
     let mut bytes = fs::read(work.path(name)).unwrap();
     let body = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     for row in rows {
-        // SH degree 0: position, normal and colour come first.
+        // SH degree 0: position, normal and color come first.
         let at = body + 4 * (17 * row + 9);
         bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     }
@@ -69,7 +69,7 @@ fn a_plan_says_what_is_stored_and_what_is_left_out() {
         "the scene has no supplement",
         "a Gaussian      96 bytes",
         "nothing learns",
-        "splat_colours",
+        "splat_colors",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }

@@ -74,7 +74,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
         let found = psnr(&work, &format!("copy.{ending} data {again}"));
         assert_eq!(found, psnr(&work, &format!("copy.{ending} data {SAID}")), "{ending}");
         assert_ne!(found, psnr(&work, &format!("copy.{ending} data --background black")), "{ending}");
-        // The loss from quantisation is 0.02 dB; .splat only has constant colours.
+        // The loss from quantisation is 0.02 dB; .splat only has constant colors.
         assert!((found - base).abs() < if ending == "splat" { 1.0 } else { 0.1 }, "{ending}: {found} and {base}");
     }
 }

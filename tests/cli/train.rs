@@ -76,7 +76,7 @@ fn exposure_is_corrected_in_training_alone() {
     assert!(output.status.success() && said.contains("note: exposure: the photos' color maps"), "{said}");
 }
 
-/// DBS's colours, from training to pictures; formats that cannot store them give a note.
+/// DBS's colors, from training to pictures; formats that cannot store them give a note.
 #[test]
 fn spherical_betas_are_learned_and_kept() {
     let work = Work::new();

@@ -218,7 +218,7 @@ pub struct Twin {
 /// Differences between the device and the twin.
 #[derive(Debug, Default)]
 pub struct Distance {
-    /// Largest difference of a calm pixel, relative to the largest colour if that is above 1.
+    /// Largest difference of a calm pixel, relative to the largest color if that is above 1.
     pub image: f64,
     /// Fraction of calm pixels.
     pub calm: f64,

@@ -2,7 +2,7 @@
 
 use glint::scene::Gaussians;
 
-/// A few wide, flat Gaussians of one colour at z = 4.
+/// A few wide, flat Gaussians of one color at z = 4.
 pub fn wall() -> Gaussians {
     let mut base = Gaussians { sh_degree: 0, ..Default::default() };
     for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {

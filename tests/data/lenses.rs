@@ -16,7 +16,7 @@ const HEIGHT: u32 = 72;
 /// measured). Leaving out a coefficient of 0.01 would give 0.01.
 const TOLERANCE: f64 = 2.0 / 255.0;
 
-/// A colour by direction that changes slowly: by at most 1.5 per radian.
+/// A color by direction that changes slowly: by at most 1.5 per radian.
 fn sky(d: DVec3) -> [f64; 3] {
     [0.5 + 0.3 * (2.0 * d.x + d.y).sin(), 0.5 + 0.3 * (2.0 * d.y - d.z).cos(), 0.5 + 0.3 * (1.5 * d.z + d.x).sin()]
 }

@@ -86,7 +86,7 @@ fn colmap_models_load_with_their_points() {
         assert_points_are_seen(&data, 0.2);
         let images = data.load_images().unwrap();
         assert!(images.iter().all(|image| [image.width, image.height] == [width, height]));
-        // The colours of points match the pixels at their projections, better than those of the upside-down
+        // The colors of points match the pixels at their projections, better than those of the upside-down
         // photo.
         let (photo, image, cloud) = (&data.photos[5], &images[5], data.points.as_ref().unwrap());
         let (mut right, mut wrong) = (0.0, 0.0);

@@ -7,7 +7,7 @@ use glint::data::{Dataset, DatasetOptions, PixelSource, Reduce};
 use image::{Rgba, RgbaImage};
 use serde_json::json;
 
-/// Nine photos of 40 × 30, each of one colour and listed as PNG; in COLMAP's form, or in transforms.json.
+/// Nine photos of 40 × 30, each of one color and listed as PNG; in COLMAP's form, or in transforms.json.
 fn write(root: &Path, colmap: bool) {
     let mut poses = String::new();
     let mut frames = Vec::new();

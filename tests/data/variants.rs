@@ -127,7 +127,7 @@ impl Plain {
         put(&folder.join("points3D.bin"), points);
     }
 
-    /// A PLY of the points, with colours as bytes or floats.
+    /// A PLY of the points, with colors as bytes or floats.
     fn cloud(&self, float: bool) -> String {
         let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", self.points.positions.len());
         text += "property float x\nproperty float y\nproperty float z\n";
@@ -362,7 +362,7 @@ pub const KINDS: [Kind; 41] = [
             put(&root.join("sparse/0/images.txt"), text);
         })
     }),
-    ("points in a PLY of float colours", |p, root| {
+    ("points in a PLY of float colors", |p, root| {
         changed(p, root, |root| {
             fs::remove_file(root.join("sparse/0/points3D.txt")).unwrap();
             put(&root.join("sparse/0/points3D.ply"), p.cloud(true));

@@ -1,4 +1,4 @@
-//! Rotations, opacities, colours and lobes at the ends of their ranges.
+//! Rotations, opacities, colors and lobes at the ends of their ranges.
 
 use glam::DVec3;
 use glint::{
@@ -207,7 +207,7 @@ fn sh_coefficients_of_1e4() {
             .chain(&mut random.supplement.as_mut().unwrap().gaussians.sh)
             .flatten()
             .for_each(|c| *c *= factor);
-        // Colours are sums of 16 terms of up to 1e4: a remaining 1 has a rounding error of 1e-3, relative to
+        // Colors are sums of 16 terms of up to 1e4: a remaining 1 has a rounding error of 1e-3, relative to
         // the largest 1e-6. A gradient of the direction through them is a difference of such terms.
         check(&mut probe, &camera, &random, &format!("SH × {factor}"), 1e-4, 1e-4, 1e-4);
     }
@@ -227,15 +227,15 @@ fn betas_at_the_ends_of_their_ranges() {
         // Half of the light, for the bluntest at 60°; both sides of the edge; behind.
         let half = (-2f64.ln() / (4.0 * f64::from(b.clamp(-1.386, 7.0)).exp())).exp().acos() as f32;
         for off in [0.0, half, 1.57, 1.5709, 3.1] {
-            for colour in [[1.0, 0.0, -0.5], [3.0, -100.0, 0.3]] {
+            for color in [[1.0, 0.0, -0.5], [3.0, -100.0, 0.3]] {
                 let mut before = scene(&[near, blob, far]);
                 before.base = before.base.with_degree(BETAS);
-                before.base.sh[6..10].copy_from_slice(&[colour, [theta + off, phi, b], colour, [theta, phi + off, b]]);
+                before.base.sh[6..10].copy_from_slice(&[color, [theta + off, phi, b], color, [theta, phi + off, b]]);
                 // Roundings of the cosine and of its derivatives, which are nearly 0 along the axis, times
                 // exponent and light.
                 let steep = 4.0 * f64::from(b.clamp(-1.386, 7.0)).exp();
-                let [image, gradient] = [0.5e-6, 1e-6 * f64::from(colour[0])].map(|part| (part * steep).max(1e-4));
-                let what = format!("b {b}, {off} off the axis, colour {colour:?}");
+                let [image, gradient] = [0.5e-6, 1e-6 * f64::from(color[0])].map(|part| (part * steep).max(1e-4));
+                let what = format!("b {b}, {off} off the axis, color {color:?}");
                 let shot = check(&mut probe, &camera, &before, &what, 1e-4, image, gradient);
                 assert!(shot.tile_counts[1] > 0, "{what}");
                 let moved = [7, 9].map(|k| shot.stepped.base.sh[k][2]);

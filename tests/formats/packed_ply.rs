@@ -5,10 +5,10 @@ use super::*;
 const NAME: &str = "scene.compressed.ply";
 
 /// A file of one Gaussian of degree 1, built from the format's description; with the chunk's bounds of
-/// colours if `coloured`.
-fn fixture(coloured: bool) -> Vec<u8> {
+/// colors if `colored`.
+fn fixture(colored: bool) -> Vec<u8> {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\ncomment by hand\nelement chunk 1\n");
-    let colours: &[&str] = if coloured { &["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"] } else { &[] };
+    let colors: &[&str] = if colored { &["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"] } else { &[] };
     for kind in ["x", "scale_x"] {
         for end in ["min", "max"] {
             for axis in ["x", "y", "z"] {
@@ -16,7 +16,7 @@ fn fixture(coloured: bool) -> Vec<u8> {
             }
         }
     }
-    colours.iter().for_each(|name| text += &format!("property float {name}\n"));
+    colors.iter().for_each(|name| text += &format!("property float {name}\n"));
     text +=
         "element vertex 1\nproperty uint packed_position\nproperty uint packed_rotation\nproperty uint packed_scale\n";
     text += "property uint packed_color\nelement sh 1\n";
@@ -24,7 +24,7 @@ fn fixture(coloured: bool) -> Vec<u8> {
     text += "end_header\n";
     let mut out = text.into_bytes();
     let mut bounds = vec![-1.0f32, 0.0, 10.0, 1.0, 1023.0, 12047.0, -8.0, -6.0, -4.0, -4.0, -2.0, 0.0];
-    if coloured {
+    if colored {
         bounds.extend([0.0, -1.0, 0.5, 1.0, 1.5, 1.0]);
     }
     out.extend(bounds.iter().flat_map(|v| v.to_le_bytes()));
@@ -34,22 +34,22 @@ fn fixture(coloured: bool) -> Vec<u8> {
     // the minimum and 0.
     let rotation = 1 << 30 | 512 << 20 | 511u32;
     let scale = 2047 << 21 | 1023 << 11 | 2047u32;
-    let colour = u32::from_be_bytes([255, 51, 0, 51]);
-    out.extend([position, rotation, scale, colour].iter().flat_map(|v| v.to_le_bytes()));
+    let color = u32::from_be_bytes([255, 51, 0, 51]);
+    out.extend([position, rotation, scale, color].iter().flat_map(|v| v.to_le_bytes()));
     out.extend([0, 255, 128, 127, 64, 192, 1, 2, 3]);
     out
 }
 
 #[test]
 fn a_gaussian_is_read_as_described() {
-    for coloured in [true, false] {
-        let base = read(NAME, &fixture(coloured)).unwrap().scene.base;
+    for colored in [true, false] {
+        let base = read(NAME, &fixture(colored)).unwrap().scene.base;
         assert_eq!((base.len(), base.sh_degree), (1, 1));
         assert_eq!(base.means, [[-1.0, 5.0, 12047.0]]);
         assert_eq!(base.log_scales, [[-4.0, -2.0, 0.0]]);
-        let colour = vector(base.sh[0]).iter().map(|v| 0.5 + 0.28209479177387814 * v).collect::<Vec<_>>();
-        let wanted = if coloured { [1.0, -0.5, 0.5] } else { [1.0, 0.2, 0.0] };
-        assert!(colour.iter().zip(wanted).all(|(a, b)| (a - b).abs() < ROUNDING), "{colour:?}");
+        let color = vector(base.sh[0]).iter().map(|v| 0.5 + 0.28209479177387814 * v).collect::<Vec<_>>();
+        let wanted = if colored { [1.0, -0.5, 0.5] } else { [1.0, 0.2, 0.0] };
+        assert!(color.iter().zip(wanted).all(|(a, b)| (a - b).abs() < ROUNDING), "{color:?}");
         assert!((opacity(&base, 0)[0] - 0.2).abs() < ROUNDING);
         let [w, x, y, z] = base.quats[0];
         let step = 0.5 * 2f32.sqrt() / 1023.0;
@@ -113,7 +113,7 @@ fn what_is_written_comes_back_within_half_a_step() {
             };
             bound(&|i| means(a, i), [2047.0, 1023.0, 2047.0], "mean", &|i| means(b, i));
             bound(&|i| log_scales(a, i), [2047.0, 1023.0, 2047.0], "scale", &|i| log_scales(b, i));
-            bound(&|i| harmonics(0)(a, i), [255.0; 3], "colour", &|i| harmonics(0)(b, i));
+            bound(&|i| harmonics(0)(a, i), [255.0; 3], "color", &|i| harmonics(0)(b, i));
         }
         assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
         for band in 1..=degree as usize {
@@ -172,7 +172,7 @@ fn two_formats_of_a_real_scene_agree() {
     };
     let (a, b) = (read_scene(packed).unwrap().base, read_scene(spz).unwrap().base);
     assert_eq!((a.len(), a.sh_degree), (152_746, 0));
-    // Each is half a step off the original: SPZ 2^−13 of position, 1/32 of scale, 0.6 % of colour over 0.15,
+    // Each is half a step off the original: SPZ 2^−13 of position, 1/32 of scale, 0.6 % of color over 0.15,
     // and 0.14° of each component; the other's chunks, a few tenths wide, less.
     assert!(largest(&a, &b, means) < 3e-3, "{}", largest(&a, &b, means));
     // SPZ has no logarithm below −10.

@@ -200,7 +200,7 @@ fn what_is_written_comes_back_within_half_a_step() {
             assert!(mean_square <= step * step / 12.0 + ROUNDING * ROUNDING, "{what}: {mean_square} {step}");
         };
         coded(&log_scales, "scales");
-        coded(&harmonics(0), "colours");
+        coded(&harmonics(0), "colors");
         if degree > 0 {
             coded(&|g, i| (1..=degree as usize).flat_map(|band| harmonics(band)(g, i)).collect(), "harmonics");
         }

@@ -16,9 +16,9 @@ fn a_record_is_read_as_the_viewer_reads_it() {
     let [one, e, flat] = base.log_scales[0];
     assert!(one == 0.0 && (e - 1.0).abs() < 1e-6 && flat < -87.0 && flat.is_finite());
     assert_eq!(base.quats, [[0.0, -1.0, 0.5, 0.0]]);
-    // 51/255 = 0.2; 0.5 of colour is 0.5/0.282095 of the coefficient.
-    let colour = base.sh[0].map(|v| f64::from(v) * 0.28209479177387814 + 0.5);
-    assert!(colour.iter().zip([0.0, 1.0, 0.2]).all(|(a, b)| (a - b).abs() < ROUNDING), "{colour:?}");
+    // 51/255 = 0.2; 0.5 of color is 0.5/0.282095 of the coefficient.
+    let color = base.sh[0].map(|v| f64::from(v) * 0.28209479177387814 + 0.5);
+    assert!(color.iter().zip([0.0, 1.0, 0.2]).all(|(a, b)| (a - b).abs() < ROUNDING), "{color:?}");
     assert!((opacity(base, 0)[0] - 0.2).abs() < ROUNDING);
 }
 
@@ -32,12 +32,12 @@ fn what_is_written_comes_back_within_half_a_step() {
     // exp and ln in float32, of numbers up to 10.
     assert!(largest(a, b, log_scales) < 1e-6);
     assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
-    // Colours beyond 0 to 1 are clamped, others come back within half a step.
-    let colour = |g: &Gaussians, i: usize| {
+    // Colors beyond 0 to 1 are clamped, others come back within half a step.
+    let color = |g: &Gaussians, i: usize| {
         let rgb = g.sh[i * g.sh_coefficients()];
         vector(rgb).iter().map(|v| (0.5 + 0.28209479177387814 * v).clamp(0.0, 1.0)).collect()
     };
-    assert!(largest(a, b, colour) <= 0.5 / 255.0 + ROUNDING);
+    assert!(largest(a, b, color) <= 0.5 / 255.0 + ROUNDING);
     // Half a step of 1/128 in each of four components, across the quaternion: at most 1/128 of chord, twice
     // that in angle. Bytes whose length is not 1 lose nothing.
     let worst = turned(a, b);

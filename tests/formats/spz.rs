@@ -103,7 +103,7 @@ fn versions_1_to_3_are_written_as_described() {
             assert_eq!(fixed.collect::<Vec<i32>>(), [one + one / 2, -2 * one, one / 4]);
             expected.splice(16..25, stream[16..25].iter().copied());
         }
-        // 0.5 as a colour's byte, a rotation about x alone, and a band of zeros: the written bytes differ
+        // 0.5 as a color's byte, a rotation about x alone, and a band of zeros: the written bytes differ
         // from the original ones.
         let turn = if version < 3 { vec![255, 128, 128] } else { vec![0; 4] };
         let harmonics = at + 7 + turn.len();
@@ -186,7 +186,7 @@ fn what_is_written_comes_back_within_half_a_step() {
             |g: &Gaussians, i: usize| log_scales(g, i).iter().map(|v| v.clamp(-10.0, 255.0 / 16.0 - 10.0)).collect();
         assert!(largest(a, b, sizes) <= 0.5 / 16.0 + ROUNDING);
         assert!(largest(a, b, opacity) <= 0.5 / 255.0 + ROUNDING);
-        // Within the range of a colour's byte.
+        // Within the range of a color's byte.
         assert!(largest(a, b, harmonics(0)) <= 0.5 / 255.0 / 0.15 + ROUNDING);
         for band in 1..=degree as usize {
             let held =

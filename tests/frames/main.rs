@@ -89,7 +89,7 @@ static HEAP: Counting = Counting;
 
 const GREY: [f32; 3] = [0.5, 0.25, 0.75];
 
-/// A target for a frame's float32 colours.
+/// A target for a frame's float32 colors.
 struct Float(Buffer<u32>);
 
 impl Float {
@@ -224,7 +224,7 @@ fn gone_with(camera: &Camera, transform: &Transform) -> Camera {
 }
 
 #[test]
-fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
+fn colors_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
     let gpu = Gpu::new();
     let (scene, camera) = (random_scene(3, 500, 100, 1), random_camera(40, 30));
     let plain = {
@@ -254,8 +254,8 @@ fn colours_are_put_over_what_is_there_and_made_linear_as_the_twin_has_it() {
                     // Over black; exposure does not brighten an opaque target's background.
                     let t = f64::from(plain.transmittance[p]);
                     let behind = |c: usize| if to.whole() { t * f64::from(GREY[c]) } else { 0.0 };
-                    let colour = [0, 1, 2].map(|c| f64::from(plain.color[3 * p + c]) + behind(c));
-                    let rendered = [colour[0], colour[1], colour[2], t];
+                    let color = [0, 1, 2].map(|c| f64::from(plain.color[3 * p + c]) + behind(c));
+                    let rendered = [color[0], color[1], color[2], t];
                     let want = to.resolve(rendered, below(p).map(f64::from));
                     for k in 0..4 {
                         // A power in float32 is accurate to 1e-5 of its value; exposure and light raise
@@ -305,7 +305,7 @@ fn base_and_supplement_are_drawn_with_the_bands_that_each_has() {
             for ((got, want), margin) in float.pixels().iter().zip(&want.image).zip(&want.margins) {
                 if margin.image() > NEAR {
                     compared += 1;
-                    // float32's 6e-8 of colours up to 4, in sums of some hundred terms. A half rounded the
+                    // float32's 6e-8 of colors up to 4, in sums of some hundred terms. A half rounded the
                     // other way is off by 2^-11; this happens to one in a few hundred, and a pixel sees a
                     // part of it.
                     let most = if half { 5e-4 } else { 1e-4 };
@@ -338,8 +338,8 @@ fn a_model_of_half_width_takes_128_bytes_and_looks_the_same() {
     engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
     let got: Vec<[f32; 4]> = float.pixels().iter().zip(&want).map(|(p, w)| [p[0], p[1], p[2], w[3]]).collect();
     let off = largest_difference(&got, &want);
-    // A coefficient of 2 is off by at most 2^-11 of itself: a colour by at most half a step of 8 bits. Most
-    // errors are far smaller, and pixels are means. A splat's colour is off by 2^-12 of 1, its opacity by
+    // A coefficient of 2 is off by at most 2^-11 of itself: a color by at most half a step of 8 bits. Most
+    // errors are far smaller, and pixels are means. A splat's color is off by 2^-12 of 1, its opacity by
     // 8e-6, scales by the same relative to themselves, and an axis of 100 px by 3e-4 px. (An α within 1e-5 of
     // 1/255 may fall on the other side; that is worth up to a step, but no pixel here has one.)
     println!("off by {off:.1e}");

@@ -1,4 +1,4 @@
-/* Draws a scene over a background colour from C, on its own device:
+/* Draws a scene over a background color from C, on its own device:
  *
  *     frame NUMBERS SCENE.ply OUT
  *
@@ -67,9 +67,9 @@ static void transition(VkCommandBuffer commands, const VkImage images[4], VkImag
 
 /* Makes a scene from arrays: a base of one Gaussian, a supplement of one. */
 static void arrays(void) {
-    float mean[3] = { 0, 0, 4 }, scale[3] = { -2, -2, -2 }, rotation[4] = { 1, 0, 0, 0 }, opacity = 2, colour[3] = { 1, 0, 0 };
+    float mean[3] = { 0, 0, 4 }, scale[3] = { -2, -2, -2 }, rotation[4] = { 1, 0, 0, 0 }, opacity = 2, color[3] = { 1, 0, 0 };
     float direction[3] = { 0, 0, -1 }, lobe[2] = { 0.5f, 1 };
-    glint_gaussians base = { sizeof base, 1, 0, 0, mean, scale, rotation, &opacity, colour, NULL, NULL, NULL }, supplement = base;
+    glint_gaussians base = { sizeof base, 1, 0, 0, mean, scale, rotation, &opacity, color, NULL, NULL, NULL }, supplement = base;
     supplement.lobe_directions = direction;
     supplement.lobe_widths = &lobe[0];
     supplement.lobe_sharpness = &lobe[1];
@@ -83,7 +83,7 @@ static void arrays(void) {
     opacity = 0.0f / 0.0f;
     if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "opacity")) FAIL("an opacity that is NaN");
     base.sh = NULL;
-    if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "sh of 1")) FAIL("no colours");
+    if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "sh of 1")) FAIL("no colors");
     base.sh_degree = 5;
     if (glint_scene_from_arrays(&base, NULL, &scene) != 2 || !strstr(glint_last_error(), "degree 5")) FAIL("degree 5");
 }
@@ -167,7 +167,7 @@ int main(int argc, char **argv) {
     VkDeviceMemory memory;
     VK(vkAllocateMemory(device, &memory_info, NULL, &memory));
     VK(vkBindBufferMemory(device, buffer, memory, 0));
-    /* Images for colours, depths and ids, and for the depths of a wall. */
+    /* Images for colors, depths and ids, and for the depths of a wall. */
     VkImage images[4];
     VkDeviceMemory image_memory[4];
     for (int i = 0; i < 4; ++i) {

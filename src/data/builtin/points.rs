@@ -36,7 +36,7 @@ struct Draw {
     on_object: bool,
 }
 
-/// Surface points of `studio` that at least [`POINT_VIEWS`] training photographs see, with their mean colours there.
+/// Surface points of `studio` that at least [`POINT_VIEWS`] training photographs see, with their mean colors there.
 ///
 /// Dart throwing: a draw is kept if no kept point is too near. The distance shrinks whenever too few draws
 /// fit, so that every prefix covers everything.
@@ -111,7 +111,7 @@ fn draw(studio: &Studio, seed: u64, k: u64) -> Option<Draw> {
     Some(Draw { point, normal, noisy, on_object })
 }
 
-/// The mean colour of a drawn point in the photographs that see it; `None` if these are too few.
+/// The mean color of a drawn point in the photographs that see it; `None` if these are too few.
 fn photographed(studio: &Studio, draw: &Draw, training: &[&BuiltinPhoto]) -> Option<[u8; 3]> {
     let (mut views, mut sum) = (0usize, DVec3::ZERO);
     for photo in training {

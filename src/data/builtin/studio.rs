@@ -73,13 +73,13 @@ pub(super) enum Shape {
 
 pub(super) enum Albedo {
     Plain(DVec3),
-    /// Soft bands of two colours along z, `per_unit` pairs in a scene unit.
+    /// Soft bands of two colors along z, `per_unit` pairs in a scene unit.
     Bands {
         a: DVec3,
         b: DVec3,
         per_unit: f64,
     },
-    /// Smooth blotches of two colours, `scale` the wave number in 1/scene units.
+    /// Smooth blotches of two colors, `scale` the wave number in 1/scene units.
     Marble {
         a: DVec3,
         b: DVec3,
@@ -489,7 +489,7 @@ impl Studio {
             let (sin, cos) = (golden * k as f64).sin_cos();
             let d = dvec3(cos * s.sqrt(), sin * s.sqrt(), (1.0 - s).sqrt());
             let seen = match self.occluder(o, d) {
-                // Colour that an object bleeds onto the floor next to it.
+                // Color that an object bleeds onto the floor next to it.
                 Some(i) => 0.25 * self.objects[i].albedo.mean(),
                 None => AMBIENT * self.sky(d.z),
             };

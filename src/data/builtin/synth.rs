@@ -135,7 +135,7 @@ impl Synth {
             Synth::Mirror => mirrors(),
             Synth::Gloss => changed(|_, object| object.blur = object.blur.max(7f64.to_radians())),
             Synth::Diffuse => changed(|_, object| {
-                // Metals have no diffuse colour: use the colour of their reflections.
+                // Metals have no diffuse color: use the color of their reflections.
                 if object.albedo.mean().length() < object.f0.length() {
                     object.albedo = Albedo::Plain(0.6 * object.f0);
                 }

@@ -260,7 +260,7 @@ impl Found {
         }
         if let Some(space) = splatting.color_space.as_deref().filter(|space| space.to_ascii_lowercase().contains("lin"))
         {
-            return Err(format!("has colours in `{space}`, expected `srgb_rec709_display`"));
+            return Err(format!("has colors in `{space}`, expected `srgb_rec709_display`"));
         }
         let base = match spz {
             Some(Spz { buffer_view }) => self.inflated(document, buffer_view, placing)?,

@@ -1,9 +1,9 @@
 //! Reads and writes PlayCanvas' compressed PLY: chunks of 256 Gaussians, quantised within the chunk's bounds.
 //!
 //! Source: playcanvas/splat-transform, compressed-chunk.ts and decompress-ply.ts. Element `chunk` has the
-//! minimum and maximum of its Gaussians' positions, logarithms of scales and (in newer files) colours as
+//! minimum and maximum of its Gaussians' positions, logarithms of scales and (in newer files) colors as
 //! float32. Element `vertex` has four 32-bit words per Gaussian, the first component in the high bits:
-//! position and scale of 11, 10 and 11 bits between the chunk's bounds; colour and opacity of 8 bits each;
+//! position and scale of 11, 10 and 11 bits between the chunk's bounds; color and opacity of 8 bits each;
 //! the rotation w, x, y, z as the index of its largest component (2 bits) and the others of 10 bits for −√½
 //! to √½. Element `sh` has the harmonics above the constant one, channel by channel as in a 3DGS PLY, as
 //! bytes for −4 to 4. The frame is that of a 3DGS PLY.
@@ -43,9 +43,9 @@ const BOUNDS: [&str; 18] = [
     "max_g",
     "max_b",
 ];
-/// Start of the colours' bounds; in files without them the bounds are 0 and 1.
-const COLOURS: usize = 12;
-const NO_COLOUR_BOUNDS: [f32; 6] = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
+/// Start of the colors' bounds; in files without them the bounds are 0 and 1.
+const COLORS: usize = 12;
+const NO_COLOR_BOUNDS: [f32; 6] = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
 /// Bits of the three parts of a position or scale.
 const PARTS: [u32; 3] = [11, 10, 11];
 /// Clamp for logarithms of scales; otherwise one infinitely thin Gaussian would use up the bits of its whole
@@ -73,8 +73,8 @@ pub(in crate::data) fn unpack(ply: &Ply, path: &Path) -> Result<Gaussians> {
         let what = || fail(format!("element `{}` lacks property `{name}`, which a compressed PLY has", element.name));
         element.scalar(name).ok_or_else(what)
     };
-    let coloured = chunk.scalar(BOUNDS[COLOURS]).is_some();
-    let bounds = BOUNDS[..if coloured { BOUNDS.len() } else { COLOURS }].iter();
+    let colored = chunk.scalar(BOUNDS[COLORS]).is_some();
+    let bounds = BOUNDS[..if colored { BOUNDS.len() } else { COLORS }].iter();
     let bounds = bounds.map(|name| place(chunk, name)).collect::<Result<Vec<usize>>>()?;
     let mut packed = [0; 4];
     for (slot, name) in packed.iter_mut().zip(PACKED) {
@@ -98,7 +98,7 @@ pub(in crate::data) fn unpack(ply: &Ply, path: &Path) -> Result<Gaussians> {
         match &element.name[..] {
             "chunk" => {
                 let mut row = [0.0; 18];
-                row[COLOURS..].copy_from_slice(&NO_COLOUR_BOUNDS);
+                row[COLORS..].copy_from_slice(&NO_COLOR_BOUNDS);
                 row.iter_mut().zip(&bounds).for_each(|(slot, &at)| *slot = values[at] as f32);
                 limits.push(row);
             }
@@ -111,13 +111,13 @@ pub(in crate::data) fn unpack(ply: &Ply, path: &Path) -> Result<Gaussians> {
     })?;
     let degree = [0, 3, 8, 15].iter().position(|&k| 3 * k == harmonics.len()).unwrap_or(0) as u32;
     let mut out = room(words.len(), degree);
-    for (i, &[position, rotation, scale, colour]) in words.iter().enumerate() {
+    for (i, &[position, rotation, scale, color]) in words.iter().enumerate() {
         let limits = &limits[i / CHUNK];
         out.means.push(three(position, &limits[..6]));
-        out.log_scales.push(three(scale, &limits[6..COLOURS]));
-        let [r, g, b, opacity] = colour.to_be_bytes();
+        out.log_scales.push(three(scale, &limits[6..COLORS]));
+        let [r, g, b, opacity] = color.to_be_bytes();
         let rgb = [r, g, b].map(|byte| f64::from(byte) / 255.0);
-        let rgb = between(rgb, &limits[COLOURS..]);
+        let rgb = between(rgb, &limits[COLORS..]);
         out.sh.push(rgb.map(|v| ((v - 0.5) / quantise::C0) as f32));
         out.opacities.push(quantise::opacity_logit(opacity));
         let smaller = [20, 10, 0].map(|shift| rotation_part(rotation >> shift & 1023));
@@ -208,7 +208,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
     let _ = write_header(&mut out, sorted.len(), sorted.sh_coefficients() - 1, file);
     let (mut words, mut harmonics): (Vec<u32>, Vec<u8>) = Default::default();
     let k = sorted.sh_coefficients();
-    let colour = |i: usize| sorted.sh[i * k].map(|v| (quantise::C0 * f64::from(v) + 0.5) as f32);
+    let color = |i: usize| sorted.sh[i * k].map(|v| (quantise::C0 * f64::from(v) + 0.5) as f32);
     let scale = |i: usize| sorted.log_scales[i].map(|v| v.clamp(-SCALES, SCALES));
     let near = if fill.is_empty() { sorted.len() } else { fill.end };
     let (mut coarse, mut widest) = (0, 0.0f64);
@@ -222,11 +222,11 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
             (coarse, widest) = (coarse + rows.len(), widest.max(step));
         }
         let scales = limits(rows.clone().map(scale));
-        let colours = limits(rows.clone().map(colour));
-        out.extend([position, scales, colours].as_flattened().iter().flat_map(|v| v.to_le_bytes()));
+        let colors = limits(rows.clone().map(color));
+        out.extend([position, scales, colors].as_flattened().iter().flat_map(|v| v.to_le_bytes()));
         for i in rows {
-            let [r, g, b] = std::array::from_fn(|c| bits(colour(i)[c], &colours, c, 8));
-            let colour = r << 24 | g << 16 | b << 8 | u32::from(quantise::opacity_byte(sorted.opacities[i]));
+            let [r, g, b] = std::array::from_fn(|c| bits(color(i)[c], &colors, c, 8));
+            let color = r << 24 | g << 16 | b << 8 | u32::from(quantise::opacity_byte(sorted.opacities[i]));
             let packed = |values: [f32; 3], limits: &[f32; 6]| {
                 (0..3).fold(0, |word, part| word << PARTS[part] | bits(values[part], limits, part, PARTS[part]))
             };
@@ -234,7 +234,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
                 packed(sorted.means[i], &position),
                 rotation(sorted.quats[i]),
                 packed(scale(i), &scales),
-                colour,
+                color,
             ]);
         }
     }

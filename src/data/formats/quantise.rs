@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_2_SQRT_PI;
 
-/// The constant harmonic, √(1/4π): a colour of 0 to 1 is 0.5 + `C0` times the coefficient.
+/// The constant harmonic, √(1/4π): a color of 0 to 1 is 0.5 + `C0` times the coefficient.
 pub(super) const C0: f64 = FRAC_2_SQRT_PI / 4.0;
 
 /// Stands for the scale 0 of a flat Gaussian, which has no logarithm: the smallest normal float32.
@@ -44,13 +44,13 @@ pub(super) fn opacity_logit(byte: u8) -> f32 {
     (value / (255.0 - value)).ln() as f32
 }
 
-/// Coefficient of a colour byte.
-pub(super) fn colour_coefficient(byte: u8) -> f32 {
+/// Coefficient of a color byte.
+pub(super) fn color_coefficient(byte: u8) -> f32 {
     ((f64::from(byte) / 255.0 - 0.5) / C0) as f32
 }
 
-/// Colour byte of a coefficient; values outside 0 to 1 are clamped.
-pub(super) fn colour_byte(coefficient: f32) -> u8 {
+/// Color byte of a coefficient; values outside 0 to 1 are clamped.
+pub(super) fn color_byte(coefficient: f32) -> u8 {
     byte(255.0 * (0.5 + C0 * f64::from(coefficient)))
 }
 
@@ -102,7 +102,7 @@ mod tests {
         for b in 0..=255 {
             assert!(opacity_logit(b).is_finite());
             assert_eq!(opacity_byte(opacity_logit(b)), b);
-            assert_eq!(colour_byte(colour_coefficient(b)), b);
+            assert_eq!(color_byte(color_coefficient(b)), b);
         }
         assert_eq!((opacity_byte(f32::MAX), opacity_byte(f32::MIN), opacity_byte(0.0)), (255, 0, 128));
     }

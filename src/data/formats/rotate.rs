@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_turn_with_the_gaussian() {
+    fn colors_turn_with_the_gaussian() {
         let turn = DQuat::from_axis_angle(DVec3::new(0.3, -0.5, 0.8).normalize(), 1.1);
         let matrix = DMat4::from_scale_rotation_translation(DVec3::splat(2.0), turn, DVec3::new(1.0, 2.0, 3.0));
         let before = random_scene(4, 5, 0, 3).base;

@@ -137,7 +137,7 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
     let means = [image(&meta.means.files, 0, "means")?, image(&meta.means.files, 1, "means")?];
     let quats = image(&meta.quats.files, 0, "quats")?;
     let scales = image(&meta.scales.files, 0, "scales")?;
-    let colours = image(&meta.sh0.files, 0, "sh0")?;
+    let colors = image(&meta.sh0.files, 0, "sh0")?;
     let palette = match &meta.sh_n {
         Some(palette) if palette.bands != Some(0) => {
             let labels = image(&palette.files, 1, "shN labels")?;
@@ -167,8 +167,8 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
         out.quats.push(quantise::from_smallest_three(usize::from(largest), smaller));
         let [x, y, z, _] = scales.pixels[i];
         out.log_scales.push(entries([x, y, z], tables.scales.each_ref().map(|table| &table[..]), "scales")?);
-        let [r, g, b, opacity] = colours.pixels[i];
-        out.sh.push(entries([r, g, b], tables.colours.each_ref().map(|table| &table[..]), "sh0")?);
+        let [r, g, b, opacity] = colors.pixels[i];
+        out.sh.push(entries([r, g, b], tables.colors.each_ref().map(|table| &table[..]), "sh0")?);
         out.opacities.push(tables.opacities[usize::from(opacity)]);
         if let Some(palette) = &palette {
             palette.read(i, &mut out.sh)?;
@@ -184,7 +184,7 @@ fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, String> {
 /// Values of bytes, by channel.
 struct Tables {
     scales: [Vec<f32>; 3],
-    colours: [Vec<f32>; 3],
+    colors: [Vec<f32>; 3],
     opacities: [f32; 256],
 }
 
@@ -192,7 +192,7 @@ impl Tables {
     fn of_codebooks(meta: &Meta) -> Tables {
         let same = |coded: &Coded| std::array::from_fn(|_| coded.codebook.clone());
         let opacities = std::array::from_fn(|byte| quantise::opacity_logit(byte as u8));
-        Tables { scales: same(&meta.scales), colours: same(&meta.sh0), opacities }
+        Tables { scales: same(&meta.scales), colors: same(&meta.sh0), opacities }
     }
 }
 

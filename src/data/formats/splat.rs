@@ -28,14 +28,14 @@ pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Res
     for record in bytes.chunks_exact(RECORD) {
         out.means.push([0, 4, 8].map(|at| f32_at(record, at)));
         out.log_scales.push([12, 16, 20].map(|at| quantise::log_scale(f32_at(record, at))));
-        out.sh.push([24, 25, 26].map(|at| quantise::colour_coefficient(record[at])));
+        out.sh.push([24, 25, 26].map(|at| quantise::color_coefficient(record[at])));
         out.opacities.push(quantise::opacity_logit(record[27]));
         out.quats.push([28, 29, 30, 31].map(|at| (f32::from(record[at]) - 128.0) / 128.0));
     }
     Ok(Scene { base: out, ..Default::default() }.into())
 }
 
-/// Writes a scene. Colours are clamped to 0 to 1; harmonics above the constant one are left out.
+/// Writes a scene. Colors are clamped to 0 to 1; harmonics above the constant one are left out.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let gaussians = &file.scene.base;
     let mut out = Vec::with_capacity(RECORD * gaussians.len());
@@ -43,7 +43,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
     for i in 0..gaussians.len() {
         let scales = gaussians.log_scales[i].map(quantise::scale);
         out.extend(gaussians.means[i].iter().chain(&scales).flat_map(|v| v.to_le_bytes()));
-        out.extend(gaussians.sh[i * k].map(quantise::colour_byte));
+        out.extend(gaussians.sh[i * k].map(quantise::color_byte));
         out.push(quantise::opacity_byte(gaussians.opacities[i]));
         out.extend(rotation(gaussians.quats[i]));
     }

@@ -7,7 +7,7 @@
 //!
 //! - position, 9 bytes: three signed 24-bit numbers over 2^(bits of the header); in version 1 three float16
 //! - opacity, 1 byte: 255 σ(logit)
-//! - colour, 3 bytes: 255 (0.15 coefficient + 0.5), so wider than 0 to 1
+//! - color, 3 bytes: 255 (0.15 coefficient + 0.5), so wider than 0 to 1
 //! - scale, 3 bytes: 16 (logarithm + 10)
 //! - rotation, up to version 2, 3 bytes: x, y, z as 127.5 (q + 1), with w ≥ 0 implied; since version 3, 4
 //!   bytes: the index of the largest of x, y, z, w (2 bits), and for each other a sign and 511 √2 |q|, the
@@ -37,8 +37,8 @@ const ANTIALIASED: u8 = 1;
 const HAS_EXTENSIONS: u8 = 2;
 /// Adobe's extension for the frame, 1 to 8; minus 1, its bits are x right, y up, z front.
 const FRAME_EXTENSION: u32 = 0xADBE_0003;
-/// Factor of the colour's coefficient, which leaves room for colours beyond 0 to 1.
-const COLOUR: f64 = 0.15;
+/// Factor of the color's coefficient, which leaves room for colors beyond 0 to 1.
+const COLOR: f64 = 0.15;
 /// Range of a fixed-point position.
 const FIXED: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 /// Maximum number of fraction bits, even for tiny scenes: an application shifts a 32-bit 1 by it.
@@ -51,7 +51,7 @@ const COARSE: f64 = 0.1;
 const LEVEL: i32 = 12;
 
 /// Attributes in the order of the file.
-const NAMES: [&str; 6] = ["positions", "opacities", "colours", "scales", "rotations", "harmonics"];
+const NAMES: [&str; 6] = ["positions", "opacities", "colors", "scales", "rotations", "harmonics"];
 
 #[derive(Debug, Clone, Copy)]
 struct Header {
@@ -220,7 +220,7 @@ fn frame(mut records: &[u8]) -> Result<Signs, String> {
 /// Decodes attributes, whose sizes match the header.
 fn decode(
     header: Header,
-    [positions, opacities, colours, scales, rotations, harmonics]: [&[u8]; 6],
+    [positions, opacities, colors, scales, rotations, harmonics]: [&[u8]; 6],
     frame: Signs,
 ) -> Gaussians {
     let mut out = room(header.count as usize, u32::from(header.sh_degree));
@@ -244,8 +244,8 @@ fn decode(
         bytes => rotation(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])),
     }));
     let higher = out.sh_coefficients() - 1;
-    for (i, rgb) in colours.as_chunks::<3>().0.iter().enumerate() {
-        out.sh.push(rgb.map(|b| ((f64::from(b) / 255.0 - 0.5) / COLOUR) as f32));
+    for (i, rgb) in colors.as_chunks::<3>().0.iter().enumerate() {
+        out.sh.push(rgb.map(|b| ((f64::from(b) / 255.0 - 0.5) / COLOR) as f32));
         let rest = &harmonics.as_chunks::<3>().0[i * higher..(i + 1) * higher];
         out.sh.extend(rest.iter().map(|rgb| rgb.map(|b| (f32::from(b) - 128.0) / 128.0)));
     }
@@ -393,7 +393,7 @@ fn encode(gaussians: &Gaussians, fraction_bits: u8, version: u8) -> [Vec<u8>; 6]
             _ => positions.flat_map(|&v| fixed(v)).collect(),
         },
         gaussians.opacities.iter().map(|&v| quantise::opacity_byte(v)).collect(),
-        constant.map(|&v| quantise::byte(255.0 * (COLOUR * f64::from(v) + 0.5))).collect(),
+        constant.map(|&v| quantise::byte(255.0 * (COLOR * f64::from(v) + 0.5))).collect(),
         gaussians.log_scales.iter().flatten().map(|&v| quantise::byte(16.0 * (f64::from(v) + 10.0))).collect(),
         match version {
             1 | 2 => gaussians.quats.iter().flat_map(|&q| rotation_bytes(q)).collect(),

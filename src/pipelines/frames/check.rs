@@ -114,10 +114,10 @@ impl Frames {
             if !(target.exposure >= 0.0 && target.exposure.is_finite()) {
                 return Err(Error::Usage(format!("an exposure of {}, expected 0 or more", target.exposure)));
             }
-            if let Blend::Opaque(colour) = target.blend
-                && !colour.iter().all(|channel| (0.0..f32::INFINITY).contains(channel))
+            if let Blend::Opaque(color) = target.blend
+                && !color.iter().all(|channel| (0.0..f32::INFINITY).contains(channel))
             {
-                return Err(Error::Usage(format!("a background of {colour:?}, expected finite numbers from 0 on")));
+                return Err(Error::Usage(format!("a background of {color:?}, expected finite numbers from 0 on")));
             }
         }
         if view.depth_in.is_some() && !limits.depth_in {

@@ -108,7 +108,7 @@ impl Limits {
     pub(super) fn model_buffers(&self, device: &DeviceInfo) -> usize {
         let all = self.degrees.iter().chain(&self.lobe_degrees).copied();
         let page = Extra::default().page_limit(device, all.max().unwrap_or(0));
-        // Each segment of each model starts a new page of geometry, colours and lobes; add the population and
+        // Each segment of each model starts a new page of geometry, colors and lobes; add the population and
         // its dispatches.
         let pages = u64::from(self.gaussians / page) + 2 * u64::from(self.instances);
         (3 * pages + 2 * u64::from(self.instances)).min(MOST_BUFFERS) as usize

@@ -64,15 +64,15 @@ pub enum Light {
 /// Handling of the background.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Blend {
-    /// Blends over this colour, sRGB-encoded, 0 or more in each channel; alpha is 1.
+    /// Blends over this color, sRGB-encoded, 0 or more in each channel; alpha is 1.
     Opaque([f32; 3]),
-    /// No background: colours are premultiplied by alpha.
+    /// No background: colors are premultiplied by alpha.
     Premultiplied,
     /// Blends over the target's content, in encoded values for either encoding of the target.
     Over,
 }
 
-/// Colour output of a view.
+/// Color output of a view.
 #[derive(Debug, Clone, Copy)]
 pub struct Target {
     /// The image or buffer to write.
@@ -148,7 +148,7 @@ pub struct FrameView {
     pub near: f64,
     /// The mapping of `depth_in` and `depth_out`.
     pub depth_form: DepthForm,
-    /// Colour output, if wanted.
+    /// Color output, if wanted.
     pub color: Option<Target>,
     /// Float32 depths of the caller's meshes, to hide Gaussians behind them; [`DepthForm::empty`] hides
     /// nothing. Image formats: [`DEPTH_FORMATS`](super::DEPTH_FORMATS).

@@ -33,7 +33,7 @@ pub struct RasterOptions {
     pub backward: bool,
     /// Enable sums by blend weight, see [`Raster::record_scores`](super::Raster::record_scores).
     pub scores: bool,
-    /// Splats and their colours are packed: 28 bytes in place of 36. Not for gradients or batches.
+    /// Splats and their colors are packed: 28 bytes in place of 36. Not for gradients or batches.
     pub packed_splats: bool,
     /// Variants of the stages: uses the reduction, the packing of records, and the tile.
     pub policy: Policy,
@@ -108,8 +108,8 @@ buffers! {
         /// By Gaussian index; valid if `tile_counts` is not 0.
         pub splats: Splat = o.splat_room(),
         /// sRGB, ≥ 0.
-        pub splat_colours: [f32; 3] = o.splat_room(),
-        /// Splat and colour in one, if enabled.
+        pub splat_colors: [f32; 3] = o.splat_room(),
+        /// Splat and color in one, if enabled.
         pub packed_splats: PackedSplat = o.only_if(o.packed_splats, o.splats),
         /// Bits of camera z; [`NONE`](crate::stages::constants::constants::NONE): not in this view. If not
         /// needed after the sort, they lie in the lists by intersection, see
@@ -197,7 +197,7 @@ buffers! {
         /// Σ g w_u², Σ g w_u w_v, Σ g w_v².
         pub record_shapes: [f32; 3] = o.records(false),
         /// ∂loss/∂rgb.
-        pub record_colours: [f32; 3] = o.records(false),
+        pub record_colors: [f32; 3] = o.records(false),
         /// All three packed into four words, if enabled (`glsl/shared/packed_record.glsl`).
         pub record_words: [u32; 4] = o.records(true),
     }
@@ -215,7 +215,7 @@ buffers! {
     pub(super) struct GaussianRecords(o: RasterOptions) {
         pub(super) record_centres: [f32; 3] = o.only_if(o.backward, o.splats),
         pub(super) record_shapes: [f32; 3] = o.only_if(o.backward, o.splats),
-        pub(super) record_colours: [f32; 3] = o.only_if(o.backward, o.splats),
+        pub(super) record_colors: [f32; 3] = o.only_if(o.backward, o.splats),
     }
 }
 

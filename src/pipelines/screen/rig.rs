@@ -210,7 +210,7 @@ impl Screen {
             depths: &b.depths,
             screen_planes: &b.screen_planes,
             splats: &r.splats,
-            splat_colours: &r.splat_colours,
+            splat_colors: &r.splat_colors,
             depth_keys: &r.depth_keys,
             tile_counts: &r.tile_counts,
         };
@@ -296,7 +296,7 @@ impl Screen {
             first_slot: &raster.buffers.first_slot,
             record_centres: &raster.records.record_centres,
             record_shapes: &raster.records.record_shapes,
-            record_colours: &raster.records.record_colours,
+            record_colors: &raster.records.record_colors,
             screen_planes: &b.screen_planes,
             screen_ages: &b.screen_ages,
             screen_moments,

@@ -55,7 +55,7 @@ pub(super) fn density_score(h: kernels::density_score::Host<'_>) -> Outcome {
         let i = first + place;
         let mut record = [0.0; 9];
         for at in records_of(i, by_gaussian != 0, h.tile_counts, h.first_slot) {
-            let (centre, colour) = match (h.spec.packed_records && by_gaussian == 0, h.spec.pulls) {
+            let (centre, color) = match (h.spec.packed_records && by_gaussian == 0, h.spec.pulls) {
                 (true, true) => {
                     let [a, b, c, ..] = unpack_record(h.record_words[at]);
                     ([a, b, c], [0.0; 3])
@@ -65,11 +65,11 @@ pub(super) fn density_score(h: kernels::density_score::Host<'_>) -> Outcome {
                     ([0.0; 3], [error, weight, 0.0])
                 }
                 (false, true) => (h.record_centres[at].map(f64::from), [0.0; 3]),
-                (false, false) => ([0.0; 3], h.record_colours[at].map(f64::from)),
+                (false, false) => ([0.0; 3], h.record_colors[at].map(f64::from)),
             };
             for c in 0..3 {
                 record[c] += centre[c];
-                record[6 + c] += colour[c];
+                record[6 + c] += color[c];
             }
         }
         let splat = match h.spec.pulls {

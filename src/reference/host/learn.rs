@@ -156,7 +156,7 @@ impl Planes<'_> {
         }
     }
 
-    /// Curvature of the constant colour of the first `count` places.
+    /// Curvature of the constant color of the first `count` places.
     fn known_curvature(&self, count: usize) -> Vec<[f64; 3]> {
         let known = |word: f32| if self.packed { unpack_moments(word.to_bits())[1] } else { f64::from(word) };
         self.beside[1][..count].iter().map(|quad| [0, 1, 2].map(|c| known(quad[c]))).collect()
@@ -322,7 +322,7 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
                     [0, 3, 6].map(|first| [0, 1, 2].map(|c| record[first + c] as f32))
                 }
                 false if opacity_only => [h.record_centres[at], [0.0; 3], [0.0; 3]],
-                false => [h.record_centres[at], h.record_shapes[at], h.record_colours[at]],
+                false => [h.record_centres[at], h.record_shapes[at], h.record_colors[at]],
             };
             if opacity_only {
                 // The first part is a mark, and the others are missing.

@@ -180,7 +180,7 @@ pub(super) fn pursuit_fit(h: kernels::pursuit_fit::Host<'_>) -> Outcome {
             sigma: fit.sigma as f32,
             opacity: fit.opacity as f32,
             width: fit.width as f32,
-            colour: fit.colour.as_vec3().to_array(),
+            color: fit.color.as_vec3().to_array(),
             gain: fit.gain as f32,
             support: fit.support as f32,
             plain: fit.plain as f32,

@@ -51,7 +51,7 @@ pub(super) fn project(h: kernels::project::Host<'_>) -> Outcome {
         if tiles > 0 {
             match packed_splats {
                 true => h.packed_splats[i] = pack_splat(splat),
-                false => (h.splats[i], h.splat_colours[i]) = narrow(splat),
+                false => (h.splats[i], h.splat_colors[i]) = narrow(splat),
             }
             h.depth_keys[i] = (splat.z as f32).to_bits();
         }
@@ -73,9 +73,9 @@ pub(super) fn narrow(s: &Splat) -> (types::Splat, [f32; 3]) {
 }
 
 /// Converts a splat to float64. Camera z is not used here.
-pub(super) fn wide_splat(s: &types::Splat, colour: [f32; 3]) -> Splat {
+pub(super) fn wide_splat(s: &types::Splat, color: [f32; 3]) -> Splat {
     let ([x, y], [l11, l12, l22, opacity]) = (s.centre.map(f64::from), s.shape.map(f64::from));
-    let [r, g, b] = colour.map(f64::from);
+    let [r, g, b] = color.map(f64::from);
     Splat { x, y, l11, l12, l22, opacity, r, g, b, z: 1.0 }
 }
 
@@ -171,8 +171,8 @@ impl Lists<'_> {
     }
 }
 
-fn wide_splats(splats: &[types::Splat], colours: &[[f32; 3]]) -> Vec<Splat> {
-    splats.iter().zip(colours).map(|(splat, &colour)| wide_splat(splat, colour)).collect()
+fn wide_splats(splats: &[types::Splat], colors: &[[f32; 3]]) -> Vec<Splat> {
+    splats.iter().zip(colors).map(|(splat, &color)| wide_splat(splat, color)).collect()
 }
 
 pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
@@ -215,7 +215,7 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
     };
     let mut splats = match packed_splats {
         true => h.packed_splats.iter().map(unpack_splat).collect(),
-        false => wide_splats(h.splats, h.splat_colours),
+        false => wide_splats(h.splats, h.splat_colors),
     };
     if occluded {
         splats.iter_mut().zip(h.depth_keys).for_each(|(s, &key)| s.z = f32::from_bits(key).into());
@@ -252,7 +252,7 @@ pub(super) fn blend(h: kernels::blend::Host<'_>) -> Outcome {
 struct Backward<'a> {
     lists: Lists<'a>,
     splats: &'a [types::Splat],
-    splat_colours: &'a [[f32; 3]],
+    splat_colors: &'a [[f32; 3]],
     image: &'a [[f32; 4]],
     image_grad: &'a [f32],
     /// Index of the first Gaussian with a complete record.
@@ -263,13 +263,13 @@ impl Backward<'_> {
     /// Slot, Gaussian and record of every intersection that some pixel blends. If a Gaussian learns only its
     /// opacity, the record has only that part, and 1 in the first.
     fn for_each_record(&self, mut put: impl FnMut(usize, u32, Record)) {
-        let splats = wide_splats(self.splats, self.splat_colours);
+        let splats = wide_splats(self.splats, self.splat_colors);
         self.lists.for_each_frame(|frame, isects, _| {
             let pixels = pixels(frame);
             let image = wide_rows(&self.image[pixels.clone()]);
             let (rows, _) = self.image_grad[3 * pixels.start..3 * pixels.end].as_chunks::<3>();
             let records = twin::blend_backward::blend_backward(&splats, isects, &image, &wide_rows(rows));
-            // With a gradient of 1 everywhere, a colour's part is not 0 if and only if a pixel blends the
+            // With a gradient of 1 everywhere, a color's part is not 0 if and only if a pixel blends the
             // Gaussian.
             let ones = vec![[1.0; 3]; image.len()];
             let blended = twin::blend_backward::blend_backward(&splats, isects, &image, &ones);
@@ -304,7 +304,7 @@ macro_rules! backward {
                 taken: taken($h.push.tile_count, $h.spec.listed, $h.tile_list, $h.tile_list_count),
             },
             splats: $h.splats,
-            splat_colours: $h.splat_colours,
+            splat_colors: $h.splat_colors,
             image: $h.image,
             image_grad: $h.image_grad,
             all_first: $h.population[$h.push.frozen as usize],
@@ -320,21 +320,21 @@ fn parts(record: &Record) -> [[f32; 3]; 3] {
 pub(super) fn blend_backward(h: kernels::blend_backward::Host<'_>) -> Outcome {
     let backward = backward!(h);
     backward.for_each_record(|slot, global, record| {
-        let [centre, shape, mut colour] = parts(&record);
+        let [centre, shape, mut color] = parts(&record);
         let all = global >= backward.all_first;
         if h.spec.scores {
             // The third is not used.
-            colour[2] = 0.0;
+            color[2] = 0.0;
         }
         match (h.spec.packed_records, h.spec.scores) {
-            (true, true) => h.record_words[slot] = [colour[0].to_bits(), colour[1].to_bits(), 0, 0],
+            (true, true) => h.record_words[slot] = [color[0].to_bits(), color[1].to_bits(), 0, 0],
             (true, false) => h.record_words[slot] = pack_record(&record, !all),
-            (false, true) => h.record_colours[slot] = colour,
+            (false, true) => h.record_colors[slot] = color,
             (false, false) => {
                 h.record_centres[slot] = centre;
                 if all {
                     h.record_shapes[slot] = shape;
-                    h.record_colours[slot] = colour;
+                    h.record_colors[slot] = color;
                 }
             }
         }
@@ -351,14 +351,14 @@ pub(super) fn blend_backward_atomic(h: kernels::blend_backward_atomic::Host<'_>)
         records.push(record);
     });
     if h.spec.scores {
-        // Only two of the colours' three sums are used.
+        // Only two of the colors' three sums are used.
         records
             .iter_mut()
             .for_each(|record| *record = std::array::from_fn(|k| if [6, 7].contains(&k) { record[k] } else { 0.0 }));
     }
     let sums = twin::blend_backward_atomic::blend_backward_atomic(&isects, &records, h.splats.len());
     for (global, sum) in sums.iter().enumerate().filter(|(_, sum)| **sum != [0.0; 9]) {
-        let to = [&mut h.record_centres[global], &mut h.record_shapes[global], &mut h.record_colours[global]];
+        let to = [&mut h.record_centres[global], &mut h.record_shapes[global], &mut h.record_colors[global]];
         for (to, part) in to.into_iter().zip(parts(sum)) {
             to.iter_mut().zip(part).for_each(|(to, v)| *to += v);
         }

@@ -58,7 +58,7 @@ pub(super) fn screen_project(h: kernels::screen_project::Host<'_>) -> Outcome {
         for (j, &i) in places.iter().enumerate() {
             h.screen_planes[DEPTH * stride as usize + i] = gaussians[j][DEPTH] as f32;
             if projected.tile_counts[j] > 0 {
-                (h.splats[i], h.splat_colours[i]) = raster::narrow(&projected.splats[j]);
+                (h.splats[i], h.splat_colors[i]) = raster::narrow(&projected.splats[j]);
                 // A Gaussian without a depth lies behind everything: the largest double becomes infinite
                 // here.
                 h.depth_keys[i] = (projected.depths[j] as f32).to_bits();
@@ -89,7 +89,7 @@ pub(super) fn screen_backward(h: kernels::screen_backward::Host<'_>) -> Outcome 
             isects.first_slot.push(records.len() as u32);
             tile_counts.push(own.len() as u32);
             for at in own {
-                let [a, b, c] = [h.record_centres[at], h.record_shapes[at], h.record_colours[at]];
+                let [a, b, c] = [h.record_centres[at], h.record_shapes[at], h.record_colors[at]];
                 let parts = [a, b, c].map(|part| part.map(f64::from));
                 records.push(std::array::from_fn(|r| parts[r / 3][r % 3]));
             }

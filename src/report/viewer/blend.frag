@@ -5,7 +5,7 @@
 // does.
 flat in vec2 centre;
 flat in vec4 shape;
-flat in vec3 colour;
+flat in vec3 color;
 
 uniform vec2 image_size; // px
 
@@ -17,5 +17,5 @@ void main() {
     float u = shape.x * dx + shape.y * dy, v = shape.z * dy;
     float alpha = min(ALPHA_MAX, shape.w * exp(-0.5 * (u * u + v * v)));
     if (!(alpha >= ALPHA_MIN)) discard;
-    light = vec4(alpha * colour, alpha);
+    light = vec4(alpha * color, alpha);
 }

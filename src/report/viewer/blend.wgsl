@@ -9,7 +9,7 @@ struct Corner {
     @builtin(position) position: vec4f,
     @location(0) @interpolate(flat) centre: vec2f,
     @location(1) @interpolate(flat) shape: vec4f,
-    @location(2) @interpolate(flat) colour: vec3f,
+    @location(2) @interpolate(flat) color: vec3f,
 }
 
 @vertex
@@ -24,7 +24,7 @@ fn cover(@builtin(instance_index) place: u32, @builtin(vertex_index) vertex: u32
     let dy = corner.y * (radius / l22 + PAD);
     let dx = (corner.x * (radius + PAD * (l11 + abs(l12))) - l12 * dy) / l11;
     let at = (splat.centre + vec2f(dx, dy)) / frame.image_size;
-    return Corner(vec4f(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0), splat.centre, splat.shape, splat.colour);
+    return Corner(vec4f(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0), splat.centre, splat.shape, splat.color);
 }
 
 @fragment
@@ -34,5 +34,5 @@ fn light(in: Corner) -> @location(0) vec4f {
     let v = in.shape.z * d.y;
     let alpha = min(ALPHA_MAX, in.shape.w * exp(-0.5 * (u * u + v * v)));
     if (!(alpha >= ALPHA_MIN)) { discard; }
-    return vec4f(alpha * in.colour, alpha);
+    return vec4f(alpha * in.color, alpha);
 }

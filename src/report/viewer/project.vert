@@ -3,7 +3,7 @@
 // An instance is a Gaussian, a vertex is a corner of its quad. This is glsl/raster/project.comp for WebGL2.
 // The page inserts that kernel's shared source before this line (View, to_camera, to_unit,
 // project_covariance, eval_lobe, sh_basis and their constants), so both always agree.
-// geometry, harmonics, lobes (by Gaussian, see pack.rs), view -> centre, shape, colour
+// geometry, harmonics, lobes (by Gaussian, see pack.rs), view -> centre, shape, color
 // Limits: culled as in the kernel, except for Gaussians that reach no pixel center; rasterization drops
 // these.
 layout(location = 0) in uint gaussian; // index in the scene, the base first
@@ -20,7 +20,7 @@ uniform vec2 image_size;      // px
 
 flat out vec2 centre; // px, y down
 flat out vec4 shape;  // l11, l12, l22 of shared/splat.glsl, opacity
-flat out vec3 colour;
+flat out vec3 color;
 
 // Vertices are snapped to 1/16 px or less. A quad larger by this margin still contains every pixel center
 // of the ellipse.
@@ -75,7 +75,7 @@ void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside the clip volume, for early returns
     centre = vec2(0.0);
     shape = vec4(0.0);
-    colour = vec3(0.0);
+    color = vec3(0.0);
 
     uvec4 first = fetch(geometry, 2u * gaussian), second = fetch(geometry, 2u * gaussian + 1u);
     vec3 mean = uintBitsToFloat(first.xyz);
@@ -112,11 +112,11 @@ void main() {
     shape = vec4(l11, l12, l22, opacity);
 
     vec3 constant = vec3(unpackHalf2x16(second.z).y, unpackHalf2x16(second.w));
-    colour = 0.5 + SH_C0 * constant;
+    color = 0.5 + SH_C0 * constant;
 #if SH_DEGREE > 0
-    if (gaussian < harmonics_end) colour += view_dependent(gaussian, normalize(mean - view.eye));
+    if (gaussian < harmonics_end) color += view_dependent(gaussian, normalize(mean - view.eye));
 #endif
-    colour = max(colour, vec3(0.0));
+    color = max(color, vec3(0.0));
 
     // alpha >= 1/255 is |w|^2 <= t. The square |u|, |v| <= sqrt(t) around that circle becomes a
     // parallelogram in pixels, with the same area as the tightest rectangle.

@@ -151,9 +151,9 @@ fn place(gaussian: u32) -> u32 {
     splat.shape = vec4f(sqrt(c / e.det), -e.b * l22 * inverseSqrt(e.det), l22, opacity);
     splat.centre = vec2f(frame.fx, frame.fy) * p.xy / p.z + vec2f(frame.cx, frame.cy);
     let constant = vec3f(unpack2x16float(tail.z).y, unpack2x16float(tail.w));
-    var colour = 0.5 + SH_C0 * constant;
-    if (gaussian < HARMONICS_END) { colour += view_dependent(gaussian, normalize(mean - frame.eye)); }
-    splat.colour = max(colour, vec3f(0.0));
+    var color = 0.5 + SH_C0 * constant;
+    if (gaussian < HARMONICS_END) { color += view_dependent(gaussian, normalize(mean - frame.eye)); }
+    splat.color = max(color, vec3f(0.0));
     splats[gaussian] = splat;
     return ~bitcast<u32>(p.z);
 }

@@ -23,6 +23,6 @@ struct Frame {
 
 struct Splat {
     shape: vec4f,  // l11, l12, l22 of glsl/shared/splat.glsl, opacity
-    colour: vec3f,
+    color: vec3f,
     centre: vec2f, // px, y down
 }

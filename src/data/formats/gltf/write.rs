@@ -85,14 +85,14 @@ impl Binary {
         out
     }
 
-    /// Points with colours, for programs that do not know splats.
+    /// Points with colors, for programs that do not know splats.
     fn fallback(&mut self, gaussians: &Gaussians) -> usize {
         let k = gaussians.sh_coefficients();
-        let colour = |(rgb, &opacity): (&[[f32; 3]], &f32)| {
-            let [r, g, b] = rgb[0].map(quantise::colour_byte);
+        let color = |(rgb, &opacity): (&[[f32; 3]], &f32)| {
+            let [r, g, b] = rgb[0].map(quantise::color_byte);
             [r, g, b, quantise::opacity_byte(opacity)]
         };
-        let bytes = gaussians.sh.chunks_exact(k).zip(&gaussians.opacities).flat_map(colour);
+        let bytes = gaussians.sh.chunks_exact(k).zip(&gaussians.opacities).flat_map(color);
         self.add(bytes, gaussians.len(), "VEC4", UNSIGNED_BYTE, json!({"normalized": true}))
     }
 }

@@ -49,7 +49,7 @@ pub(super) fn understand(text: &[u8]) -> Result<(Meta, Tables), serde_json::Erro
     let positions: [[f64; 2]; 3] = three("means", &means)?;
     let tables = Tables {
         scales: three("scales", &scales)?.map(|range| evenly(range).to_vec()),
-        colours: three("sh0", &sh0)?.map(|range| evenly(range).to_vec()),
+        colors: three("sh0", &sh0)?.map(|range| evenly(range).to_vec()),
         opacities: evenly(of("sh0", &sh0, 3)?),
     };
     let plain = |files| Coded { codebook: Vec::new(), files };

@@ -33,9 +33,9 @@ struct Renderer {
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-const COLOUR: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+const COLOR: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
-/// Colours of the quad, and of the sky.
+/// Colors of the quad, and of the sky.
 const QUAD: [f32; 4] = [0.8, 0.3, 0.1, 1.0];
 const SKY: [f32; 4] = [0.2, 0.4, 0.6, 1.0];
 
@@ -97,12 +97,12 @@ impl Renderer {
         let device = &self.device;
         // This renderer's own objects.
         let usage = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
-        let colour = unsafe { self.image(COLOUR, usage | vk::ImageUsageFlags::COLOR_ATTACHMENT, [width, height])? };
+        let color = unsafe { self.image(COLOR, usage | vk::ImageUsageFlags::COLOR_ATTACHMENT, [width, height])? };
         let usage = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
         let depth = unsafe { self.image(DEPTH, usage, [width, height])? };
         let bytes = 16 * u64::from(width) * u64::from(height);
         let (result, memory) = unsafe { self.host_buffer(bytes)? };
-        let quad = unsafe { Quad::new(device, [colour.view, depth.view], [width, height])? };
+        let quad = unsafe { Quad::new(device, [color.view, depth.view], [width, height])? };
 
         // glint's objects.
         let context = unsafe {
@@ -136,7 +136,7 @@ impl Renderer {
 
         // One frame: the quad, then the scene over it, and the result to the host.
         let seen = FrameView::from_matrices(view, projection, width, height)?;
-        let target = Pixels::Image(ImageRegion::of(colour.image, COLOUR, vk::ImageLayout::GENERAL));
+        let target = Pixels::Image(ImageRegion::of(color.image, COLOR, vk::ImageLayout::GENERAL));
         let hides = Pixels::Image(ImageRegion::of(depth.image, DEPTH, vk::ImageLayout::TRANSFER_SRC_OPTIMAL));
         let seen = FrameView {
             color: Some(Target { blend: Blend::Over, ..Target::new(target, Texel::Rgba32F) }),
@@ -158,7 +158,7 @@ impl Renderer {
                 let region = [vk::BufferImageCopy::default()
                     .image_extent(vk::Extent3D { width, height, depth: 1 })
                     .image_subresource(layers(vk::ImageAspectFlags::COLOR))];
-                device.cmd_copy_image_to_buffer(commands, colour.image, vk::ImageLayout::GENERAL, result, &region);
+                device.cmd_copy_image_to_buffer(commands, color.image, vk::ImageLayout::GENERAL, result, &region);
                 Ok(())
             })?;
             let report = frames.report(0)?;
@@ -172,7 +172,7 @@ impl Renderer {
             quad.destroy(device);
             device.destroy_buffer(result, None);
             device.free_memory(memory, None);
-            for image in [colour, depth] {
+            for image in [color, depth] {
                 device.destroy_image_view(image.view, None);
                 device.destroy_image(image.image, None);
                 device.free_memory(image.memory, None);
@@ -286,14 +286,14 @@ impl Quad {
             };
             // In the layouts passed to glint.
             let attachments = [
-                attachment(COLOUR, vk::ImageLayout::GENERAL),
+                attachment(COLOR, vk::ImageLayout::GENERAL),
                 attachment(DEPTH, vk::ImageLayout::TRANSFER_SRC_OPTIMAL),
             ];
             let reference = |attachment, layout| vk::AttachmentReference { attachment, layout };
-            let colours = [reference(0, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)];
+            let colors = [reference(0, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)];
             let depth = reference(1, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
             let subpasses =
-                [vk::SubpassDescription::default().color_attachments(&colours).depth_stencil_attachment(&depth)];
+                [vk::SubpassDescription::default().color_attachments(&colors).depth_stencil_attachment(&depth)];
             // Before glint's reads and writes.
             let after = [vk::SubpassDependency {
                 src_subpass: 0,

@@ -1,8 +1,8 @@
-// The colour of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl
+// The color of a Gaussian toward a view, and its gradient: real spherical harmonics with 3DGS's signs (Kerbl
 // 2023), or their constant band and spherical betas.
 //
-// Kernels call only colour_at, colour_of, direction_gradient and coefficient_gradient, and know that there
-// are COEFFICIENTS coefficients of three channels. Another colour model is another file and a choice here.
+// Kernels call only color_at, color_of, direction_gradient and coefficient_gradient, and know that there
+// are COEFFICIENTS coefficients of three channels. Another color model is another file and a choice here.
 // The bands in use, or betas in their place, are a specialisation constant: bands that a scene lacks, or that
 // training has not reached, are not in the pipeline.
 #include "betas.glsl"
@@ -62,13 +62,13 @@ vec3 sh_basis_gradient(vec3 d, uint k) {
 }
 
 // Depends on the direction alone (the unit vector from the eye to the Gaussian), and on the Gaussian's betas.
-struct ColourAt {
+struct ColorAt {
     vec3 direction;
     float basis[16];
     Beta betas[BETA_LOBES];
 };
-ColourAt colour_at(vec3 direction, uint place) {
-    ColourAt at;
+ColorAt color_at(vec3 direction, uint place) {
+    ColorAt at;
     at.direction = direction;
     sh_basis(direction, at.basis);
     if (!HAS_BETAS) return at;
@@ -81,33 +81,33 @@ ColourAt colour_at(vec3 direction, uint place) {
     return at;
 }
 
-// The colour before it is clamped at 0.
-vec3 colour_of(ColourAt at, uint place) {
-    vec3 colour = vec3(0.5);
+// The color before it is clamped at 0.
+vec3 color_of(ColorAt at, uint place) {
+    vec3 color = vec3(0.5);
     [[unroll]] for (uint g = 0; g < GROUPS; ++g) {
         vec4 quads[3];
         load_sh12(g, 3 * COEFFICIENTS, place, quads);
         [[unroll]] for (uint j = 0; j < 4; ++j) {
-            if (4 * g + j < HARMONICS) colour += at.basis[4 * g + j] * coefficient_of(quads, j);
+            if (4 * g + j < HARMONICS) color += at.basis[4 * g + j] * coefficient_of(quads, j);
         }
     }
     if (HAS_BETAS) {
-        [[unroll]] for (uint m = 0; m < BETA_LOBES; ++m) colour += at.betas[m].factor * at.betas[m].light;
+        [[unroll]] for (uint m = 0; m < BETA_LOBES; ++m) color += at.betas[m].factor * at.betas[m].light;
     }
-    return colour;
+    return color;
 }
 
 // Coefficient k's part of the gradient by the direction, not yet made tangent to the sphere. A lobe's part
-// comes with its colour coefficient.
-vec3 direction_gradient(ColourAt at, uint k, vec3 d_colour, vec3 coefficient) {
-    if (k < HARMONICS) return dot(d_colour, coefficient) * sh_basis_gradient(at.direction, k);
+// comes with its color coefficient.
+vec3 direction_gradient(ColorAt at, uint k, vec3 d_color, vec3 coefficient) {
+    if (k < HARMONICS) return dot(d_color, coefficient) * sh_basis_gradient(at.direction, k);
     Beta l = at.betas[(k - 1) / 2];
-    return k % 2 == 1 ? dot(d_colour, l.light) * l.by_cosine * l.axis : vec3(0.0);
+    return k % 2 == 1 ? dot(d_color, l.light) * l.by_cosine * l.axis : vec3(0.0);
 }
 
 // The gradient by coefficient k.
-vec3 coefficient_gradient(ColourAt at, uint k, vec3 d_colour) {
-    if (k < HARMONICS) return at.basis[k] * d_colour;
+vec3 coefficient_gradient(ColorAt at, uint k, vec3 d_color) {
+    if (k < HARMONICS) return at.basis[k] * d_color;
     Beta l = at.betas[(k - 1) / 2];
-    return k % 2 == 1 ? l.factor * l.slope * d_colour : dot(d_colour, l.light) * l.by_shape;
+    return k % 2 == 1 ? l.factor * l.slope * d_color : dot(d_color, l.light) * l.by_shape;
 }
