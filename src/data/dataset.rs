@@ -136,7 +136,7 @@ impl Photo {
 }
 
 /// Decodes and prepares `photos`, passes each to `make`, and passes the results to `take` in order. Runs on
-/// all threads, within the memory limit [`DECODING`].
+/// all threads, within a limit of 1 GiB.
 pub fn load_photos<T: Send>(
     photos: &[&Photo],
     background: [f32; 3],

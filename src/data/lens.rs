@@ -37,13 +37,13 @@ pub enum Distortion {
 pub struct Polynomial {
     /// Project by the ray's angle from the axis, not by its tangent.
     pub fisheye: bool,
-    /// The radius is multiplied by (1 + Σ radial[i] r²⁽ⁱ⁺¹⁾) / (1 + Σ divisor[i] r²⁽ⁱ⁺¹⁾).
+    /// The radius is multiplied by `(1 + Σ radial[i] r²⁽ⁱ⁺¹⁾) / (1 + Σ divisor[i] r²⁽ⁱ⁺¹⁾)`.
     pub radial: [f64; 6],
     /// See `radial`.
     pub divisor: [f64; 3],
     /// OpenCV's p1 and p2.
     pub tangential: [f64; 2],
-    /// Adds p[0] r² + p[1] r⁴ to x, p[2] r² + p[3] r⁴ to y.
+    /// Adds `p[0] r² + p[1] r⁴` to x, `p[2] r² + p[3] r⁴` to y.
     pub prism: [f64; 4],
     /// Evaluate `tangential` and `prism` at the result of the radial part, not at the undistorted position.
     pub in_turn: bool,

@@ -639,7 +639,10 @@ mod tests {
             &["11 properties `sb_params_*`", "expected 12"],
         );
         expect(&replaced(&betas, "float sb_params_11", "float sb_params_12"), &["`sb_params_11`"]);
-        expect(&replaced(&betas, "float sb_params_11", "float f_rest_0"), &["`f_rest_*` and `sb_params_*`", "or"]);
+        expect(
+            &replaced(&betas, "float sb_params_11", "float f_rest_0"),
+            &["`f_rest_*` and `sb_params_*`", "expected one"],
+        );
         expect(&replaced(&scene(0, true), "lobe_width", "width"), &["`augmented`", "`lobe_width`"]);
     }
 

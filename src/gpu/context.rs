@@ -128,34 +128,44 @@ pub(super) struct Inner {
     /// None: ordinary descriptor sets are used instead.
     pub push_descriptor: Option<khr::push_descriptor::Device>,
     pub debug: Option<ext::debug_utils::Device>,
-    pub queue: Mutex<vk::Queue>,
-    pub queue_lock: Option<QueueLock>,
+    pub queue: Queue,
     pub pipeline_cache: vk::PipelineCache,
-    pub pipelines: Arc<Made>,
-    pub pipelines_made: AtomicU64,
-    pub queue_family: u32,
+    pub facts: Facts,
+    pub allocator: Mutex<Option<Allocator>>,
+    pub budget: Budget,
+    pub free_slots: Mutex<Vec<CommandSlot>>,
+    pub counts: Counts,
+    pub own: Own,
+    pub instance: ash::Instance,
+    pub physical: vk::PhysicalDevice,
+    // Keeps the Vulkan library loaded for as long as its functions are called.
+    entry: ash::Entry,
+}
+
+/// The queue that a context submits to.
+pub(super) struct Queue {
+    handle: Mutex<vk::Queue>,
+    lock: Option<QueueLock>,
+    pub family: u32,
+}
+
+/// Properties of a context's device.
+pub(super) struct Facts {
     pub info: DeviceInfo,
     pub limits: Limits,
     pub subgroups: Subgroups,
     pub features: BTreeSet<Feature>,
     /// Valid bits of a timestamp.
     pub timestamp_mask: u64,
-    pub allocator: Mutex<Option<Allocator>>,
-    pub budget: Budget,
-    pub free_slots: Mutex<Vec<CommandSlot>>,
+}
+
+/// [`Counters`] of a context.
+#[derive(Default)]
+pub(super) struct Counts {
     pub submissions: AtomicU64,
     pub waits: AtomicU64,
-    pub stand_ins: AtomicU64,
-    pub twins: Vec<Twin>,
-    pub judge: Option<Judge>,
-    pub lost_after: Option<u64>,
-    pub instance: ash::Instance,
-    pub physical: vk::PhysicalDevice,
-    messages: Arc<Mutex<Vec<String>>>,
-    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    owned: bool,
-    // Keeps the Vulkan library loaded for as long as its functions are called.
-    entry: ash::Entry,
+    pub twins: AtomicU64,
+    pub pipelines: AtomicU64,
 }
 
 /// A device, its queue and its memory. Cheap to clone; everything made from it keeps it alive.
@@ -164,14 +174,14 @@ pub struct Context(pub(super) Arc<Inner>);
 
 /// Members that a borrowed device leaves at their defaults.
 #[derive(Default)]
-struct Own {
+pub(super) struct Own {
     messages: Arc<Mutex<Vec<String>>>,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     owned: bool,
-    twins: Vec<Twin>,
-    judge: Option<Judge>,
-    lost_after: Option<u64>,
-    pipelines: Arc<Made>,
+    pub twins: Vec<Twin>,
+    pub judge: Option<Judge>,
+    pub lost_after: Option<u64>,
+    pub pipelines: Arc<Made>,
 }
 
 impl Context {
@@ -290,27 +300,27 @@ impl Context {
         let inner = &self.0;
         // SAFETY: the handles are live, and the queue lock keeps them so.
         let physical = unsafe { Physical::query(&inner.instance, inner.physical) };
-        let subgroups = physical.check(options, &inner.features)?;
+        let subgroups = physical.check(options, &inner.facts.features)?;
         let first = self.clone();
         let borrowed = BorrowedDevice {
             entry: inner.entry.clone(),
             instance: inner.instance.clone(),
             physical_device: inner.physical,
             device: inner.device.clone(),
-            queue_family: inner.queue_family,
-            queue: *inner.queue.lock().unwrap_or_else(|e| e.into_inner()),
-            optional: inner.features.clone(),
+            queue_family: inner.queue.family,
+            queue: *inner.queue.handle.lock().unwrap_or_else(|e| e.into_inner()),
+            optional: inner.facts.features.clone(),
             pipeline_cache: inner.pipeline_cache,
             queue_lock: Some(QueueLock(Arc::new(move |work| first.0.with_queue(|_| work())))),
             labels: inner.debug.is_some(),
             memory_budget: options.memory_budget,
         };
         let own = Own {
-            messages: inner.messages.clone(),
+            messages: inner.own.messages.clone(),
             twins: options.twins.clone(),
             judge: options.judge.clone(),
             lost_after: options.lost_after,
-            pipelines: if subgroups == inner.subgroups { inner.pipelines.clone() } else { Arc::default() },
+            pipelines: if subgroups == inner.facts.subgroups { inner.own.pipelines.clone() } else { Arc::default() },
             ..Own::default()
         };
         Self::assemble(borrowed, &physical, subgroups, own)
@@ -352,7 +362,6 @@ impl Context {
 
     fn assemble(from: BorrowedDevice, physical: &Physical, subgroups: Subgroups, own: Own) -> Result<Self, GpuError> {
         let BorrowedDevice { entry, instance, physical_device, device, queue_family, queue, optional, .. } = from;
-        let Own { messages, messenger, owned, twins, judge, lost_after, pipelines } = own;
         let offered = |f: &Feature| physical.offered.contains(f);
         let features: BTreeSet<_> = optional.into_iter().chain(Feature::REQUIRED).filter(offered).collect();
         // SAFETY: a query on live handles.
@@ -373,32 +382,23 @@ impl Context {
         let context = Context(Arc::new(Inner {
             push_descriptor: pushes.then(|| khr::push_descriptor::Device::new(&instance, &device)),
             debug: from.labels.then(|| ext::debug_utils::Device::new(&instance, &device)),
-            queue: Mutex::new(queue),
-            queue_lock: from.queue_lock,
+            queue: Queue { handle: Mutex::new(queue), lock: from.queue_lock, family: queue_family },
             pipeline_cache: from.pipeline_cache,
-            pipelines,
-            pipelines_made: AtomicU64::new(0),
-            queue_family,
-            info: physical.info(Some(subgroups), &features, timestamp_bits),
-            limits: physical.limits,
-            subgroups,
-            features,
-            timestamp_mask: u64::MAX.checked_shr(64 - timestamp_bits.min(64)).unwrap_or(0),
+            facts: Facts {
+                info: physical.info(Some(subgroups), &features, timestamp_bits),
+                limits: physical.limits,
+                subgroups,
+                features,
+                timestamp_mask: u64::MAX.checked_shr(64 - timestamp_bits.min(64)).unwrap_or(0),
+            },
             allocator: Mutex::new(Some(allocator)),
             budget: Budget::new(physical, types, from.memory_budget),
             free_slots: Mutex::default(),
-            submissions: AtomicU64::new(0),
-            waits: AtomicU64::new(0),
-            stand_ins: AtomicU64::new(0),
-            twins,
-            judge,
-            lost_after,
-            messages,
-            messenger,
+            counts: Counts::default(),
+            own,
             device,
             instance,
             physical: physical_device,
-            owned,
             entry,
         }));
         let info = context.info();
@@ -411,7 +411,7 @@ impl Context {
     /// # Errors
     /// Those of [`Context::again`].
     pub fn judged(&self, judge: Judge) -> Result<Self, GpuError> {
-        let Inner { twins, lost_after, subgroups, .. } = &*self.0;
+        let (Own { twins, lost_after, .. }, subgroups) = (&self.0.own, self.0.facts.subgroups);
         self.again(&ContextOptions {
             twins: twins.clone(),
             judge: Some(judge),
@@ -429,12 +429,12 @@ impl Context {
 
     /// Properties of the device.
     pub fn info(&self) -> &DeviceInfo {
-        &self.0.info
+        &self.0.facts.info
     }
 
     /// The features that kernels can rely on.
     pub fn features(&self) -> &BTreeSet<Feature> {
-        &self.0.features
+        &self.0.facts.features
     }
 
     /// The device's functions and handle, for calls that glint does not make.
@@ -449,7 +449,7 @@ impl Context {
 
     /// The family of the queue that glint submits to, and of all command buffers.
     pub fn queue_family(&self) -> u32 {
-        self.0.queue_family
+        self.0.queue.family
     }
 
     /// The physical device, for queries that glint does not make.
@@ -465,17 +465,17 @@ impl Context {
     /// Submissions, waits and twins so far.
     pub fn counters(&self) -> Counters {
         Counters {
-            submissions: self.0.submissions.load(Ordering::Relaxed),
-            waits: self.0.waits.load(Ordering::Relaxed),
-            twins: self.0.stand_ins.load(Ordering::Relaxed),
-            pipelines: self.0.pipelines_made.load(Ordering::Relaxed),
+            submissions: self.0.counts.submissions.load(Ordering::Relaxed),
+            waits: self.0.counts.waits.load(Ordering::Relaxed),
+            twins: self.0.counts.twins.load(Ordering::Relaxed),
+            pipelines: self.0.counts.pipelines.load(Ordering::Relaxed),
         }
     }
 
     /// Messages of the validation layer so far; empty unless [`ContextOptions::validation`] is on and
     /// something is wrong.
     pub fn validation_messages(&self) -> Vec<String> {
-        self.0.messages.lock().map(|m| m.clone()).unwrap_or_default()
+        self.0.own.messages.lock().map(|m| m.clone()).unwrap_or_default()
     }
 }
 
@@ -483,8 +483,8 @@ impl Inner {
     /// Calls `work` once, while nobody else uses the queue: neither another context of this device nor, if
     /// there is a lock, the queue's owner.
     pub(super) fn with_queue(&self, mut work: impl FnMut(vk::Queue)) {
-        let queue = self.queue.lock().unwrap_or_else(|e| e.into_inner());
-        match &self.queue_lock {
+        let queue = self.queue.handle.lock().unwrap_or_else(|e| e.into_inner());
+        match &self.queue.lock {
             None => work(*queue),
             Some(lock) => (lock.0)(&mut || work(*queue)),
         }
@@ -496,7 +496,7 @@ impl Drop for Inner {
         // SAFETY: every buffer, pipeline and recorder holds an Arc of this, so none is left; work that a dropped
         // submission left behind is waited for first.
         unsafe {
-            if self.owned {
+            if self.own.owned {
                 let _ = self.device.device_wait_idle();
             }
             if let Ok(mut slots) = self.free_slots.lock() {
@@ -506,16 +506,16 @@ impl Drop for Inner {
             }
             // Another context on the device keeps the one that it came from, so the last one can always be
             // identified.
-            if let Some(made) = Arc::get_mut(&mut self.pipelines) {
+            if let Some(made) = Arc::get_mut(&mut self.own.pipelines) {
                 let made = made.get_mut().unwrap_or_else(|e| e.into_inner());
                 made.drain().for_each(|(_, pipeline)| pipeline.destroy(&self.device));
             }
             if let Ok(mut allocator) = self.allocator.lock() {
                 drop(allocator.take());
             }
-            if self.owned {
+            if self.own.owned {
                 self.device.destroy_device(None);
-                if let Some((utils, messenger)) = &self.messenger {
+                if let Some((utils, messenger)) = &self.own.messenger {
                     utils.destroy_debug_utils_messenger(*messenger, None);
                 }
                 self.instance.destroy_instance(None);

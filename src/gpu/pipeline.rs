@@ -178,6 +178,72 @@ pub(super) struct RawPipeline {
 }
 
 impl RawPipeline {
+    /// Makes layouts and pipeline from SPIR-V; keeps what it has made if one of them fails.
+    fn make(
+        &mut self,
+        context: &Context,
+        kernel: &KernelInfo,
+        code: &[u32],
+        spec: &[(u32, u32)],
+    ) -> Result<(), GpuError> {
+        let (device, subgroups) = (&context.0.device, context.0.facts.subgroups);
+        let (ids, words): (Vec<u32>, Vec<u32>) = spec.iter().copied().unzip();
+        let bindings: Vec<_> = (0..kernel.bindings.len() as u32)
+            .map(|binding| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let stage_flags = vk::ShaderStageFlags::COMPUTE;
+        let push = [vk::PushConstantRange { stage_flags, offset: 0, size: kernel.push_bytes }];
+        let entries: Vec<_> = ids
+            .iter()
+            .zip((0..).step_by(4))
+            .map(|(&constant_id, offset)| vk::SpecializationMapEntry { constant_id, offset, size: 4 })
+            .collect();
+        let flags = match context.0.push_descriptor {
+            Some(_) => vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR,
+            None => vk::DescriptorSetLayoutCreateFlags::empty(),
+        };
+        let set_info = vk::DescriptorSetLayoutCreateInfo::default().flags(flags).bindings(&bindings);
+        // SAFETY: every structure lives for its call.
+        unsafe {
+            self.set_layout =
+                device.create_descriptor_set_layout(&set_info, None).check("vkCreateDescriptorSetLayout")?;
+            let sets = [self.set_layout];
+            let mut layout = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+            if push[0].size > 0 {
+                layout = layout.push_constant_ranges(&push);
+            }
+            self.layout = device.create_pipeline_layout(&layout, None).check("vkCreatePipelineLayout")?;
+            let module_info = vk::ShaderModuleCreateInfo::default().code(code);
+            let module = device.create_shader_module(&module_info, None).check("vkCreateShaderModule")?;
+            let specialization =
+                vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(words.as_slice()));
+            let mut stage = vk::PipelineShaderStageCreateInfo::default()
+                .stage(stage_flags)
+                .module(module)
+                .name(c"main")
+                .specialization_info(&specialization);
+            let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+                .required_subgroup_size(subgroups.lanes);
+            if kernel.subgroups && !subgroups.software {
+                stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
+                if subgroups.require {
+                    stage = stage.push_next(&mut size);
+                }
+            }
+            let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout)];
+            let made = device.create_compute_pipelines(context.0.pipeline_cache, &info, None);
+            device.destroy_shader_module(module, None);
+            self.handle = made.map_err(|(_, e)| e).check("vkCreateComputePipelines")?[0];
+        }
+        Ok(())
+    }
+
     /// # Safety
     /// Neither work that uses it nor a [`Pipeline`] of it is left.
     pub unsafe fn destroy(self, device: &ash::Device) {
@@ -211,7 +277,7 @@ impl Context {
     /// All pipelines so far, by kernel and constants, including those of other contexts that share this one's
     /// pipelines.
     pub fn pipelines(&self) -> Vec<MadePipeline> {
-        let made = self.0.pipelines.lock().unwrap_or_else(|e| e.into_inner());
+        let made = self.0.own.pipelines.lock().unwrap_or_else(|e| e.into_inner());
         let all = made.iter().map(|((kernel, constants), raw)| MadePipeline {
             kernel,
             constants: constants.clone(),
@@ -243,104 +309,8 @@ impl<K: Kernel> Pipeline<K> {
     /// subgroups get workgroups of one subgroup, regardless of `spec`.
     pub fn new(context: &Context, spec: &K::Spec) -> Result<Self, GpuError> {
         let mut spec = K::spec_words(spec);
-        let subgroups = context.0.subgroups;
-        if K::SUBGROUPS && !K::BARRIERS {
-            spec[0].1 = context.info().workgroup(spec[0].1);
-        }
-        let workgroup_size = spec[0].1;
-        let bytes = if subgroups.software { K::SOFTWARE_SPIRV } else { K::SPIRV };
-        if subgroups.software {
-            spec.push((SOFTWARE_LANES, subgroups.lanes));
-        }
-        let key = (K::NAME, spec);
-        let spec = &key.1;
-        let pipeline =
-            |raw| Pipeline { raw, workgroup_size, spec: key.1.clone(), _context: context.clone(), kernel: PhantomData };
-        let made = || context.0.pipelines.lock().unwrap_or_else(|e| e.into_inner());
-        if let Some(&known) = made().get(&key) {
-            return Ok(pipeline(known));
-        }
-        let in_kernel = |what| GpuError::Kernel { kernel: K::NAME, what };
-        let module = words(bytes).map_err(in_kernel)?;
-        check::<K>(context, workgroup_size, shared_bytes(&module, spec).map_err(in_kernel)?)?;
-        let code = with_modes(&module, &subgroups.modes(context.info(), K::SUBGROUPS)).map_err(in_kernel)?;
-        let (ids, words): (Vec<u32>, Vec<u32>) = spec.iter().copied().unzip();
-        let device = &context.0.device;
-        let bindings: Vec<_> = (0..K::BINDINGS.len() as u32)
-            .map(|binding| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
-        let push = [vk::PushConstantRange {
-            stage_flags: vk::ShaderStageFlags::COMPUTE,
-            offset: 0,
-            size: size_of::<K::Push>() as u32,
-        }];
-        let entries: Vec<_> = ids
-            .iter()
-            .zip((0..).step_by(4))
-            .map(|(&constant_id, offset)| vk::SpecializationMapEntry { constant_id, offset, size: 4 })
-            .collect();
-        let mut raw = RawPipeline::default();
-        let mut make = || {
-            // SAFETY: every structure lives for its call.
-            unsafe {
-                let flags = match context.0.push_descriptor {
-                    Some(_) => vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR,
-                    None => vk::DescriptorSetLayoutCreateFlags::empty(),
-                };
-                let set_info = vk::DescriptorSetLayoutCreateInfo::default().flags(flags).bindings(&bindings);
-                raw.set_layout =
-                    device.create_descriptor_set_layout(&set_info, None).check("vkCreateDescriptorSetLayout")?;
-                let sets = [raw.set_layout];
-                let mut layout = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
-                if push[0].size > 0 {
-                    layout = layout.push_constant_ranges(&push);
-                }
-                raw.layout = device.create_pipeline_layout(&layout, None).check("vkCreatePipelineLayout")?;
-                let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
-                let module = device.create_shader_module(&module_info, None).check("vkCreateShaderModule")?;
-                let specialization = vk::SpecializationInfo::default()
-                    .map_entries(&entries)
-                    .data(bytemuck::cast_slice(words.as_slice()));
-                let mut stage = vk::PipelineShaderStageCreateInfo::default()
-                    .stage(vk::ShaderStageFlags::COMPUTE)
-                    .module(module)
-                    .name(c"main")
-                    .specialization_info(&specialization);
-                let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
-                    .required_subgroup_size(subgroups.lanes);
-                if K::SUBGROUPS && !subgroups.software {
-                    stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
-                    if subgroups.require {
-                        stage = stage.push_next(&mut size);
-                    }
-                }
-                let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(raw.layout)];
-                let made = device.create_compute_pipelines(context.0.pipeline_cache, &info, None);
-                device.destroy_shader_module(module, None);
-                raw.handle = made.map_err(|(_, e)| e).check("vkCreateComputePipelines")?[0];
-                Ok(())
-            }
-        };
-        let result = make();
-        let mut made = made();
-        // Another thread may have made the same pipeline meanwhile.
-        let known = made.get(&key).copied();
-        if result.is_err() || known.is_some() {
-            // SAFETY: nothing has seen it.
-            unsafe { raw.destroy(device) };
-        }
-        result?;
-        if known.is_none() {
-            context.0.pipelines_made.fetch_add(1, Ordering::Relaxed);
-            made.insert(key.clone(), raw);
-        }
-        Ok(pipeline(known.unwrap_or(raw)))
+        let raw = share(context, &KernelInfo::of::<K>(), &mut spec)?;
+        Ok(Pipeline { raw, workgroup_size: spec[0].1, spec, _context: context.clone(), kernel: PhantomData })
     }
 
     /// Threads of a workgroup.
@@ -352,34 +322,71 @@ impl<K: Kernel> Pipeline<K> {
 /// Constant id of the software subgroups' size, see `glsl/shared/subgroup.glsl`.
 const SOFTWARE_LANES: u32 = 100;
 
+/// Returns the context's pipeline of this kernel and these constants; makes it if there is none. Adds the constants that the device
+/// requires to `spec`.
+fn share(context: &Context, kernel: &KernelInfo, spec: &mut Vec<(u32, u32)>) -> Result<RawPipeline, GpuError> {
+    let subgroups = context.0.facts.subgroups;
+    if kernel.subgroups && !kernel.barriers {
+        spec[0].1 = context.info().workgroup(spec[0].1);
+    }
+    let bytes = if subgroups.software { kernel.software_spirv } else { kernel.spirv };
+    if subgroups.software {
+        spec.push((SOFTWARE_LANES, subgroups.lanes));
+    }
+    let key = (kernel.name, spec.clone());
+    let made = || context.0.own.pipelines.lock().unwrap_or_else(|e| e.into_inner());
+    if let Some(&known) = made().get(&key) {
+        return Ok(known);
+    }
+    let in_kernel = |what| GpuError::Kernel { kernel: kernel.name, what };
+    let module = words(bytes).map_err(in_kernel)?;
+    check(context, kernel, spec[0].1, shared_bytes(&module, spec).map_err(in_kernel)?)?;
+    let code = with_modes(&module, &subgroups.modes(context.info(), kernel.subgroups)).map_err(in_kernel)?;
+    let mut raw = RawPipeline::default();
+    let result = raw.make(context, kernel, &code, spec);
+    let mut made = made();
+    // Another thread may have made the same pipeline meanwhile.
+    let known = made.get(&key).copied();
+    if result.is_err() || known.is_some() {
+        // SAFETY: nothing has seen it.
+        unsafe { raw.destroy(&context.0.device) };
+    }
+    result?;
+    if known.is_none() {
+        context.0.counts.pipelines.fetch_add(1, Ordering::Relaxed);
+        made.insert(key, raw);
+    }
+    Ok(known.unwrap_or(raw))
+}
+
 /// Checks the device's limits and features for a kernel.
-fn check<K: Kernel>(context: &Context, workgroup: u32, shared: u64) -> Result<(), GpuError> {
-    let (info, limits) = (context.info(), context.0.limits);
+fn check(context: &Context, kernel: &KernelInfo, workgroup: u32, shared: u64) -> Result<(), GpuError> {
+    let (info, limits) = (context.info(), context.0.facts.limits);
     let device = || info.name.clone();
-    for feature in K::FEATURES {
-        let software = context.0.subgroups.software && feature.is_of_subgroups();
+    for feature in kernel.features {
+        let software = context.0.facts.subgroups.software && feature.is_of_subgroups();
         if !software && !context.features().contains(feature) {
             return Err(GpuError::Missing {
                 device: device(),
-                feature: format!("{}, for {}", feature.name(), K::NAME),
+                feature: format!("{}, for {}", feature.name(), kernel.name),
             });
         }
     }
-    let most = if K::SUBGROUPS { info.max_workgroup } else { limits.workgroup() };
+    let most = if kernel.subgroups { info.max_workgroup } else { limits.workgroup() };
     for (what, needs, has) in [
         ("threads of a workgroup", workgroup.into(), most),
         ("bytes of shared memory", shared, limits.shared_bytes),
-        ("storage buffers", K::BINDINGS.len() as u64, limits.storage_buffers()),
-        ("bytes of push constants", size_of::<K::Push>() as u64, limits.push_bytes),
+        ("storage buffers", kernel.bindings.len() as u64, limits.storage_buffers()),
+        ("bytes of push constants", kernel.push_bytes.into(), limits.push_bytes),
     ] {
         if needs > u64::from(has) {
-            let what = format!("{what} ({})", K::NAME);
+            let what = format!("{what} ({})", kernel.name);
             return Err(GpuError::Limit { device: device(), what, needs, has: has.into() });
         }
     }
-    if workgroup == 0 || (K::SUBGROUPS && !workgroup.is_multiple_of(info.subgroup_size)) {
+    if workgroup == 0 || (kernel.subgroups && !workgroup.is_multiple_of(info.subgroup_size)) {
         let what = format!("a workgroup of {workgroup} threads is not of whole subgroups of {}", info.subgroup_size);
-        return Err(GpuError::Kernel { kernel: K::NAME, what });
+        return Err(GpuError::Kernel { kernel: kernel.name, what });
     }
     Ok(())
 }
@@ -397,10 +404,11 @@ mod tests {
         let mut context = Context::new(&ContextOptions::from_env()).unwrap();
         assert!(crate::verify::check(&context).unwrap().is_empty());
         let inner = Arc::get_mut(&mut context.0).unwrap();
-        if !std::mem::take(&mut inner.info.lockstep) {
+        if !std::mem::take(&mut inner.facts.info.lockstep) {
             return println!("needs llvmpipe");
         }
-        let version = inner.info.driver.strip_prefix("Mesa ").and_then(|v| v.split('.').next()?.parse::<u32>().ok());
+        let version =
+            inner.facts.info.driver.strip_prefix("Mesa ").and_then(|v| v.split('.').next()?.parse::<u32>().ok());
         let broken = crate::verify::check(&context).unwrap();
         assert_eq!(!broken.is_empty(), version.unwrap() >= 24, "{}: {broken:?}", context.info().driver);
     }
@@ -427,7 +435,7 @@ mod tests {
         };
         radix_upsweep::Stage::new(&context, &spec).unwrap();
         assert_eq!(context.validation_messages(), [""; 0]);
-        let subgroups = &mut Arc::get_mut(&mut context.0).unwrap().subgroups;
+        let subgroups = &mut Arc::get_mut(&mut context.0).unwrap().facts.subgroups;
         (subgroups.lanes, subgroups.require) = (256, true);
         // The driver may do anything with it. Another block size, as the context shares pipelines that it
         // made before.

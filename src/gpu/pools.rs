@@ -91,7 +91,7 @@ impl Stamps {
         // SAFETY: so many were recorded; those that are not written are an error.
         unsafe { context.0.device.get_query_pool_results(self.queries, 0, &mut stamps, flags) }
             .check("vkGetQueryPoolResults")?;
-        let (period, mask) = (f64::from(context.info().timestamp_period), context.0.timestamp_mask);
+        let (period, mask) = (f64::from(context.info().timestamp_period), context.0.facts.timestamp_mask);
         let time = |w: &[u64]| Duration::from_nanos((ticks(w[0], w[1], mask) as f64 * period) as u64);
         Ok(self.names.iter().zip(stamps.windows(2)).map(|(&name, w)| StageTime { name, time: time(w) }).collect())
     }
@@ -187,7 +187,7 @@ pub(super) fn make_slot(context: &Context) -> Result<CommandSlot, GpuError> {
     let device = &inner.device;
     // SAFETY: structures live for their calls; on failure what was made before is destroyed.
     unsafe {
-        let pool_info = vk::CommandPoolCreateInfo::default().queue_family_index(inner.queue_family);
+        let pool_info = vk::CommandPoolCreateInfo::default().queue_family_index(inner.queue.family);
         let pool = device.create_command_pool(&pool_info, None).check("vkCreateCommandPool")?;
         let stamps = match Stamps::new(device) {
             Ok(stamps) => stamps,

@@ -339,7 +339,7 @@ impl Recorder {
             });
             result?;
         }
-        inner.submissions.fetch_add(1, Ordering::Relaxed);
+        inner.counts.submissions.fetch_add(1, Ordering::Relaxed);
         Ok(())
     }
 
@@ -347,8 +347,8 @@ impl Recorder {
     fn twins<K: Kernel>(&self) -> Option<Twins> {
         let inner = &self.context.0;
         let of = |twins: &[Twin]| twins.iter().find(|twin| twin.stage == K::NAME).copied();
-        let stand_in = of(&inner.twins);
-        let judge = inner.judge.as_ref().and_then(|judge| Some((of(&judge.twins)?, judge.clone())));
+        let stand_in = of(&inner.own.twins);
+        let judge = inner.own.judge.as_ref().and_then(|judge| Some((of(&judge.twins)?, judge.clone())));
         if stand_in.is_none() && judge.is_none() {
             return None;
         }
@@ -387,7 +387,7 @@ impl Recorder {
         let Some(slot) = &self.slot else { return Err(GpuError::NotOurs) };
         self.end(slot)?;
         let inner = &self.context.0;
-        inner.waits.fetch_add(1, Ordering::Relaxed);
+        inner.counts.waits.fetch_add(1, Ordering::Relaxed);
         // SAFETY: the fence belongs to the slot, which was submitted.
         unsafe { inner.device.wait_for_fences(&[slot.fence], true, u64::MAX) }.check("vkWaitForFences")
     }
@@ -436,7 +436,7 @@ impl Recorder {
             Some(twin) => {
                 let mut call = call();
                 run_twin(twin, &mut call).map_err(|what| GpuError::Twin { stage: twin.stage, what })?;
-                self.context.0.stand_ins.fetch_add(1, Ordering::Relaxed);
+                self.context.0.counts.twins.fetch_add(1, Ordering::Relaxed);
                 upload::<K>(buffers, &call.bindings)?;
                 None
             }
@@ -699,7 +699,7 @@ impl Submission {
     pub fn wait(mut self) -> Result<Vec<StageTime>, GpuError> {
         self.block()?;
         let inner = &self.context.0;
-        if inner.lost_after.is_some_and(|count| inner.submissions.load(Ordering::Relaxed) > count) {
+        if inner.own.lost_after.is_some_and(|count| inner.counts.submissions.load(Ordering::Relaxed) > count) {
             return Err(vk::Result::ERROR_DEVICE_LOST).check("vkWaitForFences");
         }
         let mut times = Vec::new();
@@ -719,7 +719,7 @@ impl Submission {
             if inner.device.get_fence_status(slot.fence).unwrap_or(false) {
                 return Ok(());
             }
-            inner.waits.fetch_add(1, Ordering::Relaxed);
+            inner.counts.waits.fetch_add(1, Ordering::Relaxed);
             inner.device.wait_for_fences(&[slot.fence], true, u64::MAX).check("vkWaitForFences")
         }
     }

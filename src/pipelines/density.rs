@@ -255,17 +255,7 @@ struct ByNumber {
 
 const KEY_BITS: u32 = 32;
 
-/// Density control of a model's base, with its pipelines and buffers.
-pub struct Density {
-    options: DensityOptions,
-    seed: u32,
-    extent: f32,
-    buffers: DensityBuffers,
-    by_number: ByNumber,
-    /// Sums over the views since the last refinement.
-    pub scores: Planes,
-    /// Gaussians after the last refinement; 0 before the first. In host memory.
-    pub(super) told: Buffer<u32>,
+struct Stages {
     image: density_image::Stage,
     score: density_score::Stage,
     weigh: density_weigh::Stage,
@@ -277,6 +267,20 @@ pub struct Density {
     rearrange: Rearrange,
     apply: density_apply::Stage,
     noise: density_noise::Stage,
+}
+
+/// Density control of a model's base, with its pipelines and buffers.
+pub struct Density {
+    options: DensityOptions,
+    seed: u32,
+    extent: f32,
+    buffers: DensityBuffers,
+    by_number: ByNumber,
+    /// Sums over the views since the last refinement.
+    pub scores: Planes,
+    /// Gaussians after the last refinement; 0 before the first. In host memory.
+    pub(super) told: Buffer<u32>,
+    stages: Stages,
 }
 
 /// The view of a step; `raster` still holds its splats and lists.
@@ -323,32 +327,34 @@ impl Density {
             by_number: ByNumber { alive, ranks, keys, sources, copies, sorted_keys, sorted, sorted_keys_1, sorted_1 },
             scores: Planes::zeroed(context, "scores", SCORES as usize, &part.pages)?,
             told,
-            image: density_image::Stage::new(context, &density_image::Spec { workgroup_size })?,
-            score: density_score::Stage::new(
-                context,
-                &density_score::Spec {
-                    workgroup_size,
-                    pulls: options.strategy == Strategy::Adc,
-                    packed_records: packed,
-                },
-            )?,
-            weigh: density_weigh::Stage::new(context, &density_weigh::Spec { workgroup_size, strategy })?,
-            scan: Scan::new(context, false)?,
-            sort: RadixSort::new(context, KEY_BITS, Input::Keys)?,
-            plan: density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?,
-            draw: density_draw::Stage::new(context, &density_draw::Spec { workgroup_size, replacement })?,
-            place: density_place::Stage::new(context, &density_place::Spec { workgroup_size })?,
-            rearrange: Rearrange::with(context, part.capacity(), quads)?,
-            apply: density_apply::Stage::new(
-                context,
-                &density_apply::Spec {
-                    workgroup_size,
-                    strategy,
-                    sh_beside: sh_moments(model.sh_degree, packed, options.strategy.is_newton()) as u32,
-                    moments: moments_of(packed) as u32,
-                },
-            )?,
-            noise: density_noise::Stage::new(context, &density_noise::Spec { workgroup_size })?,
+            stages: Stages {
+                image: density_image::Stage::new(context, &density_image::Spec { workgroup_size })?,
+                score: density_score::Stage::new(
+                    context,
+                    &density_score::Spec {
+                        workgroup_size,
+                        pulls: options.strategy == Strategy::Adc,
+                        packed_records: packed,
+                    },
+                )?,
+                weigh: density_weigh::Stage::new(context, &density_weigh::Spec { workgroup_size, strategy })?,
+                scan: Scan::new(context, false)?,
+                sort: RadixSort::new(context, KEY_BITS, Input::Keys)?,
+                plan: density_plan::Stage::new(context, &density_plan::Spec { workgroup_size: 1, replacement })?,
+                draw: density_draw::Stage::new(context, &density_draw::Spec { workgroup_size, replacement })?,
+                place: density_place::Stage::new(context, &density_place::Spec { workgroup_size })?,
+                rearrange: Rearrange::with(context, part.capacity(), quads)?,
+                apply: density_apply::Stage::new(
+                    context,
+                    &density_apply::Spec {
+                        workgroup_size,
+                        strategy,
+                        sh_beside: sh_moments(model.sh_degree, packed, options.strategy.is_newton()) as u32,
+                        moments: moments_of(packed) as u32,
+                    },
+                )?,
+                noise: density_noise::Stage::new(context, &density_noise::Spec { workgroup_size })?,
+            },
         })
     }
 
@@ -371,7 +377,7 @@ impl Density {
         let ScoredView { model, views, view, raster, grid, batch, status } = *seen;
         let camera = &views.cameras[view as usize];
         if self.options.strategy == Strategy::Budget {
-            self.image.record(
+            self.stages.image.record(
                 recorder,
                 &density_image::Buffers {
                     frames: &views.frames,
@@ -385,7 +391,7 @@ impl Density {
             raster.record_scores(recorder, grid, &views.frames, &model.population);
         }
         for (k, dispatch, page) in model.pages(Segment::Base) {
-            self.score.record_indirect(
+            self.stages.score.record_indirect(
                 recorder,
                 &density_score::Buffers {
                     population: &model.population,
@@ -439,7 +445,7 @@ impl Density {
     fn record_noise(&self, recorder: &mut Recorder, model: &Model, rate: f32, step: u32, status: &Buffer<u32>) {
         let part = model.part(Segment::Base);
         for (k, dispatch, page) in model.pages(Segment::Base) {
-            self.noise.record_indirect(
+            self.stages.noise.record_indirect(
                 recorder,
                 &density_noise::Buffers { population: &model.population, status, geometry: part.geometry.page(k) },
                 &density_noise::Push {
@@ -466,7 +472,7 @@ impl Density {
     ) {
         let (b, n, seed) = (&self.buffers, &self.by_number, self.seed);
         let replacement = self.options.strategy == Strategy::Mcmc;
-        let threads = self.draw.workgroup_size();
+        let threads = self.stages.draw.workgroup_size();
         recorder.copy(&model.population, 1, &b.words, OLD as usize, 1);
         recorder.fill(&n.copies, 0);
         self.record_weights(recorder, model, event);
@@ -477,9 +483,9 @@ impl Density {
             dispatch: model.blocks_dispatch(Segment::Base),
         };
         let scan = |values, offsets| ScanBuffers { values, index: None, block_sums: &b.block_sums, offsets };
-        self.scan.record(recorder, &scan(&n.alive, &n.ranks), extent, ALIVE);
+        self.stages.scan.record(recorder, &scan(&n.alive, &n.ranks), extent, ALIVE);
         let order = if replacement {
-            self.scan.record(recorder, &scan(&n.keys, &n.sorted), extent, CANDIDATES);
+            self.stages.scan.record(recorder, &scan(&n.keys, &n.sorted), extent, CANDIDATES);
             &n.sorted
         } else {
             let pairs = [
@@ -488,9 +494,9 @@ impl Density {
             ];
             let scratch = RadixScratch { block_counts: &b.block_counts, digit_totals: &b.digit_totals };
             let input = Pairs { keys: &n.keys, values: &n.keys };
-            self.sort.record(recorder, input, pairs, scratch, extent, CANDIDATES).values
+            self.stages.sort.record(recorder, input, pairs, scratch, extent, CANDIDATES).values
         };
-        self.plan.record(
+        self.stages.plan.record(
             recorder,
             &density_plan::Buffers { status, words: &b.words, dispatch_args: &b.args },
             &density_plan::Push {
@@ -501,7 +507,7 @@ impl Density {
             },
             1,
         );
-        self.draw.record_indirect(
+        self.stages.draw.record_indirect(
             recorder,
             &density_draw::Buffers { words: &b.words, order, sources: &n.sources, copies: &n.copies },
             &density_draw::Push { step: event.number, seed },
@@ -509,7 +515,7 @@ impl Density {
             0,
         );
         for (_, dispatch, page) in model.pages(Segment::Base) {
-            self.place.record_indirect(
+            self.stages.place.record_indirect(
                 recorder,
                 &density_place::Buffers { words: &b.words, alive: &n.alive, ranks: &n.ranks, sources: &n.sources },
                 &density_place::Push { page_first: page.first, stride: page.capacity },
@@ -518,7 +524,7 @@ impl Density {
             );
         }
         let sources = Sources { sources: &n.sources, count: &b.words, index: NEW };
-        self.rearrange.record(recorder, model, Segment::Base, sources, &moments.all(), status);
+        self.stages.rearrange.record(recorder, model, Segment::Base, sources, &moments.all(), status);
         self.record_changes(recorder, model, moments, event, status);
     }
 
@@ -526,7 +532,7 @@ impl Density {
     fn record_weights(&self, recorder: &mut Recorder, model: &Model, event: &Event) {
         let (n, seed, part) = (&self.by_number, self.seed, model.part(Segment::Base));
         for (k, dispatch, page) in model.pages(Segment::Base) {
-            self.weigh.record_indirect(
+            self.stages.weigh.record_indirect(
                 recorder,
                 &density_weigh::Buffers {
                     population: &model.population,
@@ -562,7 +568,7 @@ impl Density {
     ) {
         let (b, n, seed, part) = (&self.buffers, &self.by_number, self.seed, model.part(Segment::Base));
         for (k, dispatch, page) in model.pages(Segment::Base) {
-            self.apply.record_indirect(
+            self.stages.apply.record_indirect(
                 recorder,
                 &density_apply::Buffers {
                     population: &model.population,

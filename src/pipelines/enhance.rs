@@ -165,7 +165,7 @@ pub struct Times {
 }
 
 /// Result of an augmentation.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Enhanced {
     /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own.
     pub scene: Scene,
@@ -233,18 +233,10 @@ pub struct Enhancer {
     lifted: Option<Lifted>,
     /// [`Method::Augs`]: the lifts of each batch, for checkpoints.
     lifts: Vec<(Range<usize>, Vec<Lift>)>,
-    base_losses: Vec<f64>,
-    budgets: Vec<u32>,
-    refined: u32,
-    resumed: usize,
-    times: Times,
-    placed: Vec<Placed>,
     allowance: Allowance,
     training_on: Option<TrainingOn>,
-    spending: Option<Spending>,
-    /// Steps of the joint phase.
-    steps: u32,
-    join: Option<TrainReport>,
+    /// Without its scene until the end.
+    found: Enhanced,
 }
 
 impl Enhancer {
@@ -295,17 +287,9 @@ impl Enhancer {
             next: Next::Base,
             lifted: None,
             lifts: Vec::new(),
-            base_losses: Vec::new(),
-            budgets: Vec::new(),
-            refined: 0,
-            resumed: 0,
-            times: Times::default(),
-            placed: Vec::new(),
             allowance,
             training_on: None,
-            spending: None,
-            steps: options.join.steps_per_view * views.cameras.len() as u32,
-            join: None,
+            found: Enhanced { steps: options.join.steps_per_view * views.cameras.len() as u32, ..Enhanced::default() },
         })
     }
 
@@ -316,7 +300,7 @@ impl Enhancer {
 
     /// Loss of the base in each view, 0.8 L1 + 0.2 (1 − SSIM); valid after [`Event::Base`].
     pub fn base_losses(&self) -> &[f64] {
-        &self.base_losses
+        &self.found.base_losses
     }
 
     /// Runs to the next event; `None` once all is done. `views` must be those passed to [`Enhancer::new`].
@@ -331,7 +315,7 @@ impl Enhancer {
                 (Next::Place(_), _) => self.place(views, started),
                 (Next::Begin, _) => {
                     self.next = self.begin_join(views)?;
-                    self.times.join += started.elapsed();
+                    self.found.times.join += started.elapsed();
                     Ok(self.join_on())
                 }
                 (&Next::Batch(batch), _) => self.begin_batch(views, batch, started),
@@ -347,7 +331,7 @@ impl Enhancer {
 
     /// Pursuit: computes the residuals of the base, and chooses the next stage.
     fn look(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
-        self.base_losses = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
+        self.found.base_losses = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
         let [lobes, plain] = self.allowance.most();
         let most = lobes.max(plain);
         let mut pursuit = Pursuit::new(&self.session, views, most, self.options.pursuit)?;
@@ -362,7 +346,7 @@ impl Enhancer {
             Next::Weigh(Box::new(self.pilot(views)?))
         };
         self.pursuit = Some(pursuit);
-        self.times.base = started.elapsed();
+        self.found.times.base = started.elapsed();
         Ok(Some(Event::Base))
     }
 
@@ -370,44 +354,44 @@ impl Enhancer {
         let (Next::Weigh(pilot), Some(pursuit)) = (&mut self.next, &mut self.pursuit) else { return self.end() };
         let steps = pilot.trainer.total();
         if let Some(step) = pilot.trainer.advance(&pilot.model, views)? {
-            self.times.weigh += started.elapsed();
+            self.found.times.weigh += started.elapsed();
             return Ok(Some(Event::Weigh { step, steps }));
         }
         let after = pursuit.measure(&mut self.renderer, &pilot.model, views)?;
         // The first placement measures the error before training and fills it in.
-        let seconds = self.times.weigh.as_secs_f64();
+        let seconds = self.found.times.weigh.as_secs_f64();
         self.training_on = Some(TrainingOn { before: f64::NAN, after, steps, seconds });
         let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
         pursuit.start_within(gaussians, bytes)?;
         self.next = Next::Place(None);
-        self.times.weigh += started.elapsed();
+        self.found.times.weigh += started.elapsed();
         Ok(Some(Event::Weighed))
     }
 
     fn place(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
         let (Next::Place(joining), Some(pursuit)) = (&mut self.next, &mut self.pursuit) else { return self.end() };
         let progress = pursuit.advance(&mut self.renderer, &self.model, views)?;
-        self.times.place += started.elapsed();
+        self.found.times.place += started.elapsed();
         if let Some(progress) = progress {
             if let (Some(on), true) = (&mut self.training_on, pursuit.has_looked(progress))
                 && on.before.is_nan()
             {
                 on.before = pursuit.squared_error()?;
                 if self.options.weigh == Weigh::Limit {
-                    let least = on.least_gain(self.steps, self.original.len() as u32) as f32;
+                    let least = on.least_gain(self.found.steps, self.original.len() as u32) as f32;
                     pursuit.demand(least.max(self.options.pursuit.least_gain));
                 }
             }
             return Ok(Some(Event::Place(progress)));
         }
         let joining = joining.take();
-        self.placed.push(pursuit.placed()?);
+        self.found.placed.push(pursuit.placed()?);
         self.model.learn_counts()?;
         let Some(trainer) = joining else {
             let placements = self.options.pursuit.placements.max(1);
-            self.spending = Some(Spending::new(
+            self.found.spending = Some(Spending::new(
                 &self.allowance,
-                [placements, self.steps],
+                [placements, self.found.steps],
                 &pursuit.choice()?,
                 pursuit.least_gain(),
                 self.training_on.as_ref(),
@@ -422,13 +406,13 @@ impl Enhancer {
     /// The paper's method: computes the budget of 2D Gaussians of each view.
     fn share_out(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
         let renders = base_renders(&self.session, &mut self.renderer, &self.model, views)?;
-        self.base_losses = renders.losses;
-        self.budgets = budgets(&self.base_losses, self.model.count(), self.options.ratio);
-        self.model.reserve(Segment::Supplement, self.budgets.iter().sum())?;
-        self.times.base = started.elapsed();
+        self.found.base_losses = renders.losses;
+        self.found.budgets = budgets(&self.found.base_losses, self.model.count(), self.options.ratio);
+        self.model.reserve(Segment::Supplement, self.found.budgets.iter().sum())?;
+        self.found.times.base = started.elapsed();
         let (schedule, first) = (self.options.schedule, Some(renders.first));
-        self.refiner = Some(Refiner::new(&self.session, views, &self.budgets, schedule, first)?);
-        self.times.screen = started.elapsed() - self.times.base;
+        self.refiner = Some(Refiner::new(&self.session, views, &self.found.budgets, schedule, first)?);
+        self.found.times.screen = started.elapsed() - self.found.times.base;
         self.next = Next::Batch(0);
         Ok(Some(Event::Base))
     }
@@ -440,7 +424,7 @@ impl Enhancer {
         }
         self.refiner = None;
         self.next = self.begin_join(views)?;
-        self.times.join = started.elapsed();
+        self.found.times.join = started.elapsed();
         Ok(match &self.next {
             Next::Join(trainer) => Some(Event::Join { step: 0, steps: trainer.total() }),
             _ => None,
@@ -455,17 +439,17 @@ impl Enhancer {
             refiner.start(views, batch)?;
         }
         if let Some(progress) = refiner.advance(&mut self.renderer, &self.model, views)? {
-            self.times.screen += started.elapsed();
+            self.found.times.screen += started.elapsed();
             return Ok(Some(Event::Screen { batch, batches, progress }));
         }
-        self.refined += refiner.refined().counts.iter().sum::<u32>();
-        self.times.screen += started.elapsed();
+        self.found.refined += refiner.refined().counts.iter().sum::<u32>();
+        self.found.times.screen += started.elapsed();
         let started = Instant::now();
         let unit = if self.session.extent > 0.0 { self.session.extent } else { 1.0 };
         let lifted = self.lift.lift(refiner, views, unit, &mut self.model)?;
         self.lifts.push((range.clone(), lifted.lifts.clone()));
         self.lifted = Some(lifted);
-        self.times.lift += started.elapsed();
+        self.found.times.lift += started.elapsed();
         self.next = Next::Batch(batch + 1);
         Ok(Some(Event::Lifted { views: range }))
     }
@@ -474,10 +458,10 @@ impl Enhancer {
         let Next::Join(trainer) = &mut self.next else { return self.end() };
         let steps = trainer.total();
         if let Some(step) = trainer.advance(&self.model, views)? {
-            self.times.join += started.elapsed();
+            self.found.times.join += started.elapsed();
             return Ok(Some(Event::Join { step, steps }));
         }
-        let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
+        let (done, placements) = (self.found.placed.len() as u32, self.options.pursuit.placements);
         if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
             // Faded Gaussians are removed at the end, so more can be placed now.
             let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
@@ -491,7 +475,7 @@ impl Enhancer {
             }
             return Ok(None);
         }
-        self.join = Some(trainer.report());
+        self.found.join = Some(trainer.report());
         self.finish_join(views)?;
         Ok(None)
     }
@@ -508,8 +492,8 @@ impl Enhancer {
             return Err(Error::Usage("lifts are taken up when a batch is about to begin".into()));
         };
         let views = self.batch(batch).map_or(0..0, |(_, views)| views);
-        self.resumed += views.len();
-        self.refined += lifts.len() as u32;
+        self.found.resumed += views.len();
+        self.found.refined += lifts.len() as u32;
         self.lift.append_lifts(lifts, &mut self.model)?;
         self.lifts.push((views, lifts.to_vec()));
         self.next = Next::Batch(batch + 1);
@@ -537,7 +521,7 @@ impl Enhancer {
         }
         trainer.resume(&self.model, checkpoint, true)?;
         self.model.learn_counts()?;
-        self.placed.resize(done as usize, Placed::default());
+        self.found.placed.resize(done as usize, Placed::default());
         trainer.go_on_to(pause(trainer.total(), done, self.options.pursuit.placements));
         Ok(())
     }
@@ -557,7 +541,7 @@ impl Enhancer {
             _ => Checkpoint::new(0),
         };
         match self.options.method {
-            Method::Pursuit => checkpoint.put(PLACEMENTS.into(), [1, 1], vec![self.placed.len() as f32]),
+            Method::Pursuit => checkpoint.put(PLACEMENTS.into(), [1, 1], vec![self.found.placed.len() as f32]),
             Method::Augs => {
                 for (views, lifts) in &self.lifts {
                     checkpoint.put_words(batch_name(views), bytemuck::cast_slice(lifts).to_vec());
@@ -570,7 +554,7 @@ impl Enhancer {
     /// Ends the joint phase early; the scene holds the result so far. Waits.
     pub fn stop(&mut self, views: &Views) -> Result<()> {
         let Next::Join(trainer) = &mut self.next else { return Err(not_joining()) };
-        self.join = Some(trainer.stop()?);
+        self.found.join = Some(trainer.stop()?);
         self.finish_join(views)
     }
 
@@ -579,19 +563,19 @@ impl Enhancer {
         self.next = Next::Done;
         let now = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
         // NaN counts as worse.
-        let [now, before] = [&now, &self.base_losses].map(|losses| losses.iter().sum::<f64>());
+        let [now, before] = [&now, &self.found.base_losses].map(|losses| losses.iter().sum::<f64>());
         self.worse_alone = now > before || now.is_nan() || before.is_nan();
         Ok(())
     }
 
     /// Sets the length of the joint phase, before it starts.
     pub fn take_steps(&mut self, steps: u32) {
-        self.steps = steps.max(1);
+        self.found.steps = steps.max(1);
     }
 
     /// The plan of the placement, after [`Event::Planned`].
     pub fn spending(&self) -> Option<&Spending> {
-        self.spending.as_ref()
+        self.found.spending.as_ref()
     }
 
     /// Changes the length of a running joint phase. `plan` takes the number of finished steps, and returns
@@ -602,9 +586,9 @@ impl Enhancer {
         let (schedule, plan) = course(&self.session, &self.model, views, &self.options.join, steps);
         trainer.follow(&self.session, schedule, plan, done)?;
         if self.options.method == Method::Pursuit {
-            trainer.go_on_to(pause(steps, self.placed.len() as u32, self.options.pursuit.placements));
+            trainer.go_on_to(pause(steps, self.found.placed.len() as u32, self.options.pursuit.placements));
         }
-        self.steps = steps;
+        self.found.steps = steps;
         Ok(())
     }
 
@@ -615,7 +599,7 @@ impl Enhancer {
 
     /// Results of the placements so far.
     pub fn placed(&self) -> &[Placed] {
-        &self.placed
+        &self.found.placed
     }
 
     /// The final scene, after the last event; `views` must be those passed to [`Enhancer::new`]. Waits.
@@ -640,15 +624,7 @@ impl Enhancer {
             original: self.worse_alone.then_some(self.original),
             lifted: left,
             faded: lifted - left,
-            base_losses: self.base_losses,
-            budgets: self.budgets,
-            refined: self.refined,
-            resumed: self.resumed,
-            times: self.times,
-            placed: self.placed,
-            spending: self.spending,
-            steps: self.steps,
-            join: self.join,
+            ..self.found
         })
     }
 
@@ -673,7 +649,7 @@ impl Enhancer {
 
     /// Lets the joint phase run to the next placement, if it is the next stage.
     fn join_on(&mut self) -> Option<Event> {
-        let (done, placements) = (self.placed.len() as u32, self.options.pursuit.placements);
+        let (done, placements) = (self.found.placed.len() as u32, self.options.pursuit.placements);
         let Next::Join(trainer) = &mut self.next else { return None };
         let steps = trainer.total();
         trainer.go_on_to(pause(steps, done, placements));
@@ -684,7 +660,7 @@ impl Enhancer {
         if self.model.count() == self.original.len() as u32 {
             return Ok(Next::Done);
         }
-        let mut trainer = join_for(&self.session, &self.model, views, &self.options.join, self.steps)?;
+        let mut trainer = join_for(&self.session, &self.model, views, &self.options.join, self.found.steps)?;
         if self.options.method == Method::Pursuit {
             trainer.let_counts_vary();
         }

@@ -232,6 +232,17 @@ pub(super) struct Between {
     pub words: [Buffer<u32>; 9],
 }
 
+/// Pipelines of every raster; those of gradients are in [`Backward`].
+struct Stages {
+    depth_sort: RadixSort,
+    tile_sort: RadixSort,
+    scan: Scan,
+    dispatch_args: dispatch_args::Stage,
+    emit: emit::Stage,
+    ranges: tile_ranges::Stage,
+    blend: blend::Stage,
+}
+
 /// Working buffers and pipelines; made once for the largest scene, image and batch.
 pub struct Raster {
     context: Context,
@@ -245,13 +256,7 @@ pub struct Raster {
     by_depth: DepthSorting,
     /// Gradient records; by Gaussian if [`Raster::by_gaussian`].
     pub records: Records,
-    depth_sort: RadixSort,
-    tile_sort: RadixSort,
-    scan: Scan,
-    dispatch_args: dispatch_args::Stage,
-    emit: emit::Stage,
-    ranges: tile_ranges::Stage,
-    blend: blend::Stage,
+    stages: Stages,
     backward: Option<Backward>,
     unused: Unused,
 }
@@ -309,17 +314,19 @@ impl Raster {
             sorting,
             by_depth: DepthSorting::none(&unused),
             records,
-            depth_sort: RadixSort::new(context, DEPTH_BITS, Input::Keys)?,
-            tile_sort: RadixSort::new(
-                context,
-                options.tile_bits(),
-                if options.backward { Input::Keys } else { Input::Some },
-            )?,
-            scan: Scan::new(context, true)?,
-            dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
-            emit: emit::Stage::new(context, &emit_spec)?,
-            ranges: tile_ranges::Stage::new(context, &tile_ranges::Spec { workgroup_size, listed: options.batch })?,
-            blend: blend::Stage::new(context, &blend_spec)?,
+            stages: Stages {
+                depth_sort: RadixSort::new(context, DEPTH_BITS, Input::Keys)?,
+                tile_sort: RadixSort::new(
+                    context,
+                    options.tile_bits(),
+                    if options.backward { Input::Keys } else { Input::Some },
+                )?,
+                scan: Scan::new(context, true)?,
+                dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
+                emit: emit::Stage::new(context, &emit_spec)?,
+                ranges: tile_ranges::Stage::new(context, &tile_ranges::Spec { workgroup_size, listed: options.batch })?,
+                blend: blend::Stage::new(context, &blend_spec)?,
+            },
             backward,
             unused,
             context: context.clone(),
@@ -336,8 +343,8 @@ impl Raster {
             buffers: &self.buffers,
             isects: &self.isects,
             sorting: &self.sorting,
-            last: self.depth_sort.last_pair(),
-            values: if self.tile_sort.last_pair() == 0 { 2 } else { 3 },
+            last: self.stages.depth_sort.last_pair(),
+            values: if self.stages.tile_sort.last_pair() == 0 { 2 } else { 3 },
         }
     }
 
@@ -536,7 +543,7 @@ impl Raster {
         };
         let extent = |index, dispatch| Extent { count: &f.count, index, args: &f.args, dispatch };
         recorder.copy(splats.count, splats.index as usize, &f.count, SPLATS as usize, 1);
-        let by_depth = self.depth_sort.record(
+        let by_depth = self.stages.depth_sort.record(
             recorder,
             Pairs { keys: depth_keys, values: depth_keys },
             [
@@ -551,7 +558,7 @@ impl Raster {
         let threads = self.context.info().workgroup(WORKGROUP);
         self.args_for(recorder, status, VISIBLE, self.options.splats, per_block, VISIBLE_BLOCKS);
         self.args_for(recorder, status, VISIBLE, self.options.splats, threads, VISIBLE_THREADS);
-        self.scan.record(
+        self.stages.scan.record(
             recorder,
             &ScanBuffers {
                 values: &f.tile_counts,
@@ -565,14 +572,14 @@ impl Raster {
         self.args_for(recorder, status, ISECTS, capacity, per_block, ISECT_BLOCKS);
 
         // The last pass must write to `isect_slots`.
-        let values = match self.tile_sort.last_pair() {
+        let values = match self.stages.tile_sort.last_pair() {
             0 => [&isects.isect_slots, &sorting.isect_slots_1],
             _ => [&sorting.isect_slots_1, &isects.isect_slots],
         };
         let no_frames = self.unused.of();
         // Clear the marks of the slots' first entries.
         recorder.fill(&isects.rank_blocks, 0);
-        self.emit.record_indirect(
+        self.stages.emit.record_indirect(
             recorder,
             &emit::Buffers {
                 frames,
@@ -598,7 +605,7 @@ impl Raster {
             &f.args,
             VISIBLE_THREADS,
         );
-        let by_tile = self.tile_sort.record(
+        let by_tile = self.stages.tile_sort.record(
             recorder,
             Pairs { keys: &sorting.isect_tiles, values: values[1] },
             [
@@ -618,7 +625,7 @@ impl Raster {
         if self.options.batch {
             recorder.fill(&f.tile_list_count, 0);
         }
-        self.ranges.record(
+        self.stages.ranges.record(
             recorder,
             &tile_ranges::Buffers {
                 count: &f.count,
@@ -644,7 +651,7 @@ impl Raster {
                 args_index: 3 * LISTED_TILES,
                 resource_index: NO_RESOURCE,
             };
-            self.dispatch_args.record(recorder, &buffers, &push, 1);
+            self.stages.dispatch_args.record(recorder, &buffers, &push, 1);
         }
     }
 
@@ -703,7 +710,7 @@ impl Raster {
             median_threshold,
             depth_form,
         };
-        self.over_tiles(recorder, &self.blend, &buffers, &push, grid);
+        self.over_tiles(recorder, &self.stages.blend, &buffers, &push, grid);
     }
 
     /// Dispatches over all tiles, or over the listed ones for a batch.
@@ -773,52 +780,35 @@ impl Raster {
                 recorder.fill(record_shapes, 0);
             }
         }
+        // The kernels differ in one buffer.
+        macro_rules! reduce {
+            ($kernel:ident, $all:ident, $of_scores:ident $(, $words:ident)?) => {{
+                let Some(stage) = (if scores { $of_scores.as_ref() } else { Some($all) }) else { return };
+                let buffers = $kernel::Buffers {
+                    frames,
+                    tile_ranges,
+                    isect_slots,
+                    rank_blocks,
+                    global_from_rank,
+                    splats,
+                    splat_colors,
+                    image,
+                    image_grad,
+                    population,
+                    tile_list,
+                    tile_list_count,
+                    record_centres,
+                    record_shapes,
+                    record_colors,
+                    $($words,)?
+                };
+                let push = $kernel::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
+                self.over_tiles(recorder, stage, &buffers, &push, grid);
+            }};
+        }
         match backward {
-            Backward::Deterministic(all, of_scores) => {
-                let Some(stage) = (if scores { of_scores.as_ref() } else { Some(all) }) else { return };
-                let buffers = blend_backward::Buffers {
-                    frames,
-                    tile_ranges,
-                    isect_slots,
-                    rank_blocks,
-                    global_from_rank,
-                    splats,
-                    splat_colors,
-                    image,
-                    image_grad,
-                    population,
-                    tile_list,
-                    tile_list_count,
-                    record_centres,
-                    record_shapes,
-                    record_colors,
-                    record_words,
-                };
-                let push = blend_backward::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
-                self.over_tiles(recorder, stage, &buffers, &push, grid);
-            }
-            Backward::Atomic(all, of_scores) => {
-                let Some(stage) = (if scores { of_scores.as_ref() } else { Some(all) }) else { return };
-                let buffers = blend_backward_atomic::Buffers {
-                    frames,
-                    tile_ranges,
-                    isect_slots,
-                    rank_blocks,
-                    global_from_rank,
-                    splats,
-                    splat_colors,
-                    image,
-                    image_grad,
-                    population,
-                    tile_list,
-                    tile_list_count,
-                    record_centres,
-                    record_shapes,
-                    record_colors,
-                };
-                let push = blend_backward_atomic::Push { frame_first, tiles_x, tiles_per_frame, tile_count, frozen };
-                self.over_tiles(recorder, stage, &buffers, &push, grid);
-            }
+            Backward::Deterministic(all, of_scores) => reduce!(blend_backward, all, of_scores, record_words),
+            Backward::Atomic(all, of_scores) => reduce!(blend_backward_atomic, all, of_scores),
         }
     }
 
@@ -834,7 +824,7 @@ impl Raster {
 
     /// Gaussian index by depth rank.
     pub(crate) fn global_from_rank(&self) -> &Buffer<u32> {
-        &self.by_depth.global_from_rank[self.depth_sort.last_pair()]
+        &self.by_depth.global_from_rank[self.stages.depth_sort.last_pair()]
     }
 
     fn args_for(
@@ -851,7 +841,7 @@ impl Raster {
             // Every splat has a place.
             _ => NO_RESOURCE,
         };
-        self.dispatch_args.record(
+        self.stages.dispatch_args.record(
             recorder,
             &dispatch_args::Buffers { count: &self.buffers.count, dispatch_args: &self.buffers.args, status },
             &dispatch_args::Push { count_index, capacity, items_per_group, args_index: 3 * dispatch, resource_index },

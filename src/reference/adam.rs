@@ -61,8 +61,8 @@ impl PlaneRate {
 /// Lengths at which a quaternion or a lobe's direction is not normalised; see `glsl/shared/unit.glsl`.
 const LENGTHS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
-/// Normalises a vector before it steps, and returns its former length too; `None` if the length is within
-/// [`LENGTHS`]. A vector without a direction is returned unchanged, with length 0.
+/// Normalises a vector before it steps, and returns its former length too; `None` if the length is from
+/// 0.01 to 100. A vector without a direction is returned unchanged, with length 0.
 pub fn unit_before_step<const N: usize>(vector: [f64; N]) -> Option<([f64; N], f64)> {
     let largest = vector.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
     if !(FLOAT_MIN..=FLOAT_MAX).contains(&largest) {

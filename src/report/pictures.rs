@@ -39,7 +39,7 @@ pub fn pictures(view: &Compared<'_>) -> [RgbImage; 3] {
         .map(|bytes| RgbImage::from_vec(*width, *height, bytes).unwrap_or_default())
 }
 
-/// Absolute error (mean over the channels, clamped to [0, 1]) as a color of [`color_of`]; 0.25 and more is
+/// Absolute error (mean over the channels, clamped to [0, 1]) as a color of a perceptual scale; 0.25 and more is
 /// at the bright end. RGB bytes per pixel.
 pub fn error_map(image: &[f32], reference: &[u8]) -> Vec<u8> {
     let pixels = image.chunks_exact(3).zip(reference.chunks_exact(3));

@@ -81,7 +81,7 @@ impl RenderPlan {
     /// Plan for one view of `width` × `height` pixels, of half width if `half`.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if such a view is impossible.
+    /// [`Error::Usage`] if such a view is impossible.
     pub fn of(device: &DeviceInfo, scene: &Scene, [width, height]: [u32; 2], half: bool) -> Result<RenderPlan> {
         let model_of = |half| Model::plan(device, scene, Room { half, ..Default::default() });
         let limits = Limits::for_needs(Needs::of_scene(scene, half), width, height);
@@ -92,47 +92,15 @@ impl RenderPlan {
             change(&mut other);
             Ok::<_, Error>(difference(&other.plan(device)?, &frames))
         };
-        let degree = scene.base.sh_degree;
-        let lobe_degree = scene.supplement.as_ref().map_or(degree, |supplement| supplement.gaussians.sh_degree);
-        let supplementary = scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len() as u64);
-        let gaussians = scene.base.len() as u64 + supplementary;
+        let counts = Counts::of(scene);
+        let Counts { degree, lobe_degree, supplementary, .. } = counts;
+        let gaussians = counts.base + supplementary;
         let room = Room { half, ..Default::default() };
         let harmonics = |degree| room.bytes(Segment::Base, degree)[1];
         let [geometry, _, lobe] = room.bytes(Segment::Supplement, lobe_degree);
-        let feature = |name, included, why: String, bytes: i64| Feature { name, included, why, bytes };
         let all = |bytes: u64| (bytes * gaussians) as i64;
-        // Bytes of both kinds of Gaussians, by the degree of each.
-        let both =
-            |of: &dyn Fn(u32) -> u64| (of(degree) * scene.base.len() as u64 + of(lobe_degree) * supplementary) as i64;
-        let colors = color::of(degree);
-        let (name, own) = match colors.harmonics {
-            None => (colors.group, colors.name.to_owned()),
-            Some(_) => ("harmonics", format!("the scene's degree is {degree}")),
-        };
-        let mut features = vec![
-            feature("geometry", true, format!("{geometry} bytes a Gaussian"), all(geometry)),
-            feature(
-                name,
-                true,
-                match lobe_degree == degree || supplementary == 0 {
-                    true => format!("{own}: {} bytes a Gaussian", harmonics(degree)),
-                    false => format!(
-                        "the base's degree is {degree}, {} bytes a Gaussian; the supplement's {lobe_degree}, {} bytes",
-                        harmonics(degree),
-                        harmonics(lobe_degree)
-                    ),
-                },
-                both(&harmonics),
-            ),
-        ];
-        let more_harmonics = |degree| harmonics(3) - harmonics(degree);
-        if degree < 3 {
-            let why = format!("the scene has none; {} bytes a Gaussian", more_harmonics(degree));
-            features.push(feature("harmonics up to degree 3", false, why, both(&more_harmonics)));
-        } else if lobe_degree < 3 && supplementary > 0 {
-            let why = format!("the supplement has none; {} bytes a Gaussian", more_harmonics(lobe_degree));
-            features.push(feature("harmonics of lobes, degree 3", false, why, both(&more_harmonics)));
-        }
+        let mut features = vec![feature("geometry", true, format!("{geometry} bytes a Gaussian"), all(geometry))];
+        features.extend(counts.color_features(harmonics));
         let halved = difference(&model_of(true).and(frames_of(true)?), &model_of(false).and(frames_of(false)?));
         features.extend([
             match half {
@@ -161,7 +129,7 @@ impl RenderPlan {
             feature("moments of what learns", false, "nothing learns while it is rendered".into(), {
                 let beside = |planes| layout::bytes(moment_planes(planes, false));
                 all(beside(GEOMETRY_PLANES))
-                    + both(&|degree| layout::bytes(sh_moments(degree, false, color::of(degree).newton)))
+                    + counts.bytes(|degree| layout::bytes(sh_moments(degree, false, color::of(degree).newton)))
                     + (supplementary * beside(LOBE_PLANES)) as i64
             }),
         ]);
@@ -184,6 +152,64 @@ impl RenderPlan {
             model: buffers(&model),
             frames: buffers(&frames),
         })
+    }
+}
+
+fn feature(name: &'static str, included: bool, why: String, bytes: i64) -> Feature {
+    Feature { name, included, why, bytes }
+}
+
+/// Numbers of Gaussians without and with lobes, and the color models of both.
+struct Counts {
+    base: u64,
+    supplementary: u64,
+    degree: u32,
+    lobe_degree: u32,
+}
+
+impl Counts {
+    fn of(scene: &Scene) -> Counts {
+        let (base, degree) = (scene.base.len() as u64, scene.base.sh_degree);
+        let lobed = scene.supplement.as_ref().map(|supplement| &supplement.gaussians);
+        Counts {
+            base,
+            supplementary: lobed.map_or(0, |gaussians| gaussians.len() as u64),
+            degree,
+            lobe_degree: lobed.map_or(degree, |gaussians| gaussians.sh_degree),
+        }
+    }
+
+    /// Bytes of all Gaussians, from those of one by color model.
+    fn bytes(&self, of: impl Fn(u32) -> u64) -> i64 {
+        (of(self.degree) * self.base + of(self.lobe_degree) * self.supplementary) as i64
+    }
+
+    /// The colors that the scene has, and the harmonics that it lacks; `harmonics` gives the bytes of a Gaussian by color model.
+    fn color_features(&self, harmonics: impl Fn(u32) -> u64) -> Vec<Feature> {
+        let &Counts { degree, lobe_degree, supplementary, .. } = self;
+        let colors = color::of(degree);
+        let (name, own) = match colors.harmonics {
+            None => (colors.group, colors.name.to_owned()),
+            Some(_) => ("harmonics", format!("the scene's degree is {degree}")),
+        };
+        let why = match lobe_degree == degree || supplementary == 0 {
+            true => format!("{own}: {} bytes a Gaussian", harmonics(degree)),
+            false => format!(
+                "the base's degree is {degree}, {} bytes a Gaussian; the supplement's {lobe_degree}, {} bytes",
+                harmonics(degree),
+                harmonics(lobe_degree)
+            ),
+        };
+        let mut features = vec![feature(name, true, why, self.bytes(&harmonics))];
+        let more = |degree| harmonics(3) - harmonics(degree);
+        if degree < 3 {
+            let why = format!("the scene has none; {} bytes a Gaussian", more(degree));
+            features.push(feature("harmonics up to degree 3", false, why, self.bytes(more)));
+        } else if lobe_degree < 3 && supplementary > 0 {
+            let why = format!("the supplement has none; {} bytes a Gaussian", more(lobe_degree));
+            features.push(feature("harmonics of lobes, degree 3", false, why, self.bytes(more)));
+        }
+        features
     }
 }
 

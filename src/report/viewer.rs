@@ -2,7 +2,7 @@
 //!
 //! `viewer/` holds the parts of the page: scripts and shaders. `project.vert` and `blend.frag` implement
 //! `glsl/raster/project.comp` and `blend.comp` for WebGL2. Code shared with the kernels is taken from their
-//! files; the WGSL for WebGPU takes constants and the harmonics' basis from there. [`pack`] compresses the
+//! files; the WGSL for WebGPU takes constants and the harmonics' basis from there. `pack` compresses the
 //! scene.
 
 mod pack;

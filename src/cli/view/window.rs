@@ -137,22 +137,33 @@ pub(super) struct Open {
     path: CameraPath,
     /// Whether to save a screenshot of the next frame.
     save: bool,
+    status: Status,
+    input: Input,
+    /// Whether anything has changed since the last frame.
+    pub(super) stale: bool,
+    /// Whether the last frame was not yet waited for.
+    running: bool,
+}
+
+/// Texts in the window's title.
+#[derive(Default)]
+struct Status {
     /// Stages of the last timed frame.
     stages: String,
     /// Progress of a run.
     progress: String,
     /// Note on the last action.
     note: String,
+}
+
+/// State of keyboard and mouse.
+struct Input {
     held: HashSet<KeyCode>,
     modifiers: ModifiersState,
     button: Option<MouseButton>,
     cursor: PhysicalPosition<f64>,
     /// Time of the last camera move by keys.
     moved: Instant,
-    /// Whether anything has changed since the last frame.
-    pub(super) stale: bool,
-    /// Whether the last frame was not yet waited for.
-    running: bool,
 }
 
 impl Drop for Open {
@@ -202,7 +213,7 @@ impl ApplicationHandler for Viewer<'_> {
             open.window.request_redraw();
         }
         // A redraw wakes the loop; otherwise nothing moves until an event.
-        events.set_control_flow(if open.held.is_empty() { ControlFlow::Wait } else { ControlFlow::Poll });
+        events.set_control_flow(if open.input.held.is_empty() { ControlFlow::Wait } else { ControlFlow::Poll });
         if let Err(error) = outcome {
             self.fail(events, error.into());
         }
@@ -288,14 +299,14 @@ impl Open {
             fitted: None,
             path: CameraPath::default(),
             save: false,
-            stages: String::new(),
-            progress: String::new(),
-            note: String::new(),
-            held: HashSet::new(),
-            modifiers: ModifiersState::default(),
-            button: None,
-            cursor: PhysicalPosition::default(),
-            moved: Instant::now(),
+            status: Status::default(),
+            input: Input {
+                held: HashSet::new(),
+                modifiers: ModifiersState::default(),
+                button: None,
+                cursor: PhysicalPosition::default(),
+                moved: Instant::now(),
+            },
             stale: true,
             running: false,
         }
@@ -310,13 +321,13 @@ impl Open {
             }
             WindowEvent::RedrawRequested | WindowEvent::Occluded(false) => self.touch(),
             WindowEvent::Focused(false) => {
-                self.held.clear();
-                self.button = None;
+                self.input.held.clear();
+                self.input.button = None;
             }
-            WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
+            WindowEvent::ModifiersChanged(modifiers) => self.input.modifiers = modifiers.state(),
             WindowEvent::KeyboardInput { event, .. } => self.key(event, desk, model)?,
             WindowEvent::MouseInput { state, button, .. } => {
-                self.button = (*state == ElementState::Pressed).then_some(*button);
+                self.input.button = (*state == ElementState::Pressed).then_some(*button);
             }
             WindowEvent::CursorMoved { position, .. } => self.mouse(*position),
             WindowEvent::MouseWheel { delta, .. } => {
@@ -346,7 +357,7 @@ impl Open {
 
     /// Sets the progress in the title.
     pub(super) fn tell(&mut self, progress: String) {
-        self.progress = progress;
+        self.status.progress = progress;
     }
 
     /// Requests a new frame.
@@ -364,7 +375,7 @@ impl Open {
     }
 
     fn say(&mut self, text: impl Into<String>) {
-        self.note = text.into();
+        self.status.note = text.into();
         self.touch();
     }
 
@@ -378,13 +389,13 @@ impl Open {
         let PhysicalKey::Code(code) = event.physical_key else { return Ok(()) };
         let pressed = event.state == ElementState::Pressed;
         if step(code).is_some() {
-            if pressed && self.held.is_empty() {
-                self.moved = Instant::now();
+            if pressed && self.input.held.is_empty() {
+                self.input.moved = Instant::now();
             }
             if pressed {
-                self.held.insert(code)
+                self.input.held.insert(code)
             } else {
-                self.held.remove(&code)
+                self.input.held.remove(&code)
             };
             return Ok(());
         }
@@ -420,10 +431,10 @@ impl Open {
             }
             "t" => {
                 self.scenery.timed = !self.scenery.timed;
-                self.stages.clear();
+                self.status.stages.clear();
                 self.touch();
             }
-            "k" if self.modifiers.shift_key() => self.save_path(desk)?,
+            "k" if self.input.modifiers.shift_key() => self.save_path(desk)?,
             "k" => {
                 let camera = self.camera()?;
                 self.path.push(camera);
@@ -454,10 +465,10 @@ impl Open {
     }
 
     fn mouse(&mut self, position: PhysicalPosition<f64>) {
-        let (right, down) = (position.x - self.cursor.x, position.y - self.cursor.y);
-        self.cursor = position;
+        let (right, down) = (position.x - self.input.cursor.x, position.y - self.input.cursor.y);
+        self.input.cursor = position;
         let height = f64::from(self.window.inner_size().height.max(1));
-        match self.button {
+        match self.input.button {
             Some(MouseButton::Left) => self.flight.drag(right / height, down / height),
             Some(MouseButton::Right | MouseButton::Middle) => {
                 // From the window's pixels to those of the camera's picture.
@@ -472,14 +483,14 @@ impl Open {
 
     /// Moves while keys are held.
     pub(super) fn keys(&mut self) {
-        if self.held.is_empty() {
+        if self.input.held.is_empty() {
             return;
         }
-        let seconds = self.moved.elapsed().as_secs_f64().min(LEAP);
-        self.moved = Instant::now();
-        let hurry = if self.modifiers.shift_key() { HURRY } else { 1.0 };
+        let seconds = self.input.moved.elapsed().as_secs_f64().min(LEAP);
+        self.input.moved = Instant::now();
+        let hurry = if self.input.modifiers.shift_key() { HURRY } else { 1.0 };
         let mut sum = DVec3::ZERO;
-        self.held.iter().filter_map(|&code| step(code)).for_each(|step| sum += hurry * DVec3::from(step));
+        self.input.held.iter().filter_map(|&code| step(code)).for_each(|step| sum += hurry * DVec3::from(step));
         self.flight.go(sum.to_array(), seconds);
         self.left();
     }
@@ -523,12 +534,12 @@ impl Open {
             match write_png_bytes(&file, size[0], size[1], &pixels) {
                 Ok(()) => {
                     print(format_args!("{}\n", file.display()))?;
-                    self.note = file.display().to_string();
+                    self.status.note = file.display().to_string();
                 }
                 Err(error) => self.complain(&error),
             }
         } else if drawn.shown && asked {
-            self.note = "this window's pixels cannot be read".into();
+            self.status.note = "this window's pixels cannot be read".into();
         }
         self.title(desk);
         Ok(())
@@ -544,7 +555,7 @@ impl Open {
             let stages = self.scenery.stages(&self.screen)?;
             let named = stages.iter().take(STAGES);
             let named: Vec<_> = named.map(|(name, time)| format!("{name} {:.1}", 1e3 * time.as_secs_f64())).collect();
-            self.stages = if named.is_empty() { "no clock".into() } else { named.join(", ") };
+            self.status.stages = if named.is_empty() { "no clock".into() } else { named.join(", ") };
         }
         self.title(desk);
         Ok(())
@@ -566,7 +577,8 @@ impl Open {
         let photo = self.photo.zip(desk.dataset).map(|(i, dataset)| &dataset.photos[i].name[..]);
         // A photo takes no device time.
         let time = self.screen.time().filter(|_| self.mode != Mode::Photograph).map(|time| {
-            let stages = if self.stages.is_empty() { String::new() } else { format!(" ({})", self.stages) };
+            let stages =
+                if self.status.stages.is_empty() { String::new() } else { format!(" ({})", self.status.stages) };
             format!("{:.1} ms{stages}", 1e3 * time.as_secs_f64())
         });
         let counts = self.scenery.counts.map(|[base, supplement]| format!("{base} + {supplement} Gaussians"));
@@ -578,9 +590,9 @@ impl Open {
             photo.map(str::to_owned),
             time,
             counts,
-            Some(self.progress.clone()).filter(|progress| !progress.is_empty()),
+            Some(self.status.progress.clone()).filter(|progress| !progress.is_empty()),
             Some(format!("{memory:.1} MB")),
-            Some(self.note.clone()).filter(|note| !note.is_empty()),
+            Some(self.status.note.clone()).filter(|note| !note.is_empty()),
         ];
         // A file name may contain line breaks.
         let title = parts.into_iter().flatten().collect::<Vec<_>>().join(" | ").replace(char::is_control, " ");

@@ -60,7 +60,7 @@ pub struct Limits {
     /// The widest texel of any target.
     pub texel: Texel,
     /// Bands of harmonics of rendered bases, one pipeline per entry; 0 to 3, or
-    /// [`BETAS`](crate::scene::layout::BETAS).
+    /// [`BETAS`](crate::scene::color::BETAS).
     pub degrees: Vec<u32>,
     /// Bands of harmonics of rendered supplements; empty if no model has one.
     pub lobe_degrees: Vec<u32>,
