@@ -34,11 +34,11 @@ struct Args {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Over {
-    /// Of training, or of an augmentation; a line goes through the lengths of runs.
+    /// Time of training, or of an augmentation; a line goes through the lengths of runs.
     Seconds,
-    /// Of the base; a line goes through limits.
+    /// Number of the base's Gaussians; a line goes through limits.
     Gaussians,
-    /// What the device holds in the end; a line goes through limits.
+    /// Final device memory; a line goes through limits.
     Memory,
 }
 
@@ -112,7 +112,7 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
             // Skips the head and the rule below it.
             let Ok(steps) = steps.parse() else { continue };
             let number = |what: &str, cell: &str| -> Result<f64, String> {
-                cell.parse().map_err(|_| format!("{path}: `{line}`: {what} is no number"))
+                cell.parse().map_err(|_| format!("{path}: `{line}`: {what} is not a number"))
             };
             let x = match args.over {
                 Over::Seconds => number("the time", seconds)?,

@@ -50,7 +50,7 @@ struct Args {
     list: bool,
     /// Lists of pipelines, made with subgroups of 32 and of 64 lanes
     lists: Vec<PathBuf>,
-    /// For itself: read pipelines from stdin, compile them with subgroups of so many lanes
+    /// For itself: read pipelines from stdin, compile them with subgroups of this many lanes
     #[arg(long, hide = true)]
     compile: Option<u32>,
     /// Given by cargo bench

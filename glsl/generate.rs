@@ -223,8 +223,8 @@ fn needs(kernels: &[Kernel]) -> String {
     let most = |of: fn(&Interface) -> usize| kernels.iter().map(|k| of(&k.interface)).max().unwrap_or(0);
     format!(
         "/// Bits of VkSubgroupFeatureFlagBits.\npub const SUBGROUP_OPERATIONS: u32 = {operations};\n\
-         /// Of the kernel that binds most.\npub const STORAGE_BUFFERS: u32 = {};\n\
-         /// Of the kernel that takes most.\npub const PUSH_BYTES: u32 = {};\n",
+         /// Storage buffers of the kernel that binds most.\npub const STORAGE_BUFFERS: u32 = {};\n\
+         /// Bytes of push constants of the kernel that has most.\npub const PUSH_BYTES: u32 = {};\n",
         most(|i| i.bindings.len()),
         most(Interface::push_bytes),
     )

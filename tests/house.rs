@@ -179,3 +179,59 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
     assert!(missing.is_empty(), "of docs/extremes.md, but not in tests/guards.txt: {missing:#?}");
     assert!(strange.is_empty(), "in tests/guards.txt, but not of docs/extremes.md: {strange:#?}");
 }
+
+/// Phrases that a native reader stumbles over, each with what to write. Text is compared as words: letters in lower case, all else as one
+/// space. Grow the list if a review finds another.
+const PHRASES: [(&str, &str); 14] = [
+    ("whoever", "name the reader, the caller or the program"),
+    ("anew", "again"),
+    ("goes on", "continues, resumes"),
+    ("go on", "continue, resume"),
+    ("going on", "running"),
+    ("gone on", "continued, resumed"),
+    ("find room", "fit"),
+    ("finds room", "fits"),
+    ("is told", "is reported; or name who says it"),
+    ("are told", "are reported; or name who says it"),
+    ("leans on", "relies on"),
+    ("what is kept", "name the thing: checkpoint, scene, cache"),
+    ("whatever it is", "any"),
+    ("is no number", "is NaN"),
+];
+
+/// Documents, comments, help texts and messages.
+#[test]
+fn prose_has_none_of_the_phrases_that_reviews_have_found() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut texts = Vec::new();
+    for folder in ["src", "glsl", "bench", "tests", "docs", "python"] {
+        for extension in ["rs", "comp", "glsl", "h", "md", "py"] {
+            files(&root.join(folder), extension, &mut texts);
+        }
+    }
+    texts.extend(["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root.join(name)));
+    texts.retain(|path| !path.ends_with("tests/house.rs") && !path.to_str().unwrap().contains("/target/"));
+    assert!(texts.len() > 400);
+    let mut found = Vec::new();
+    for path in texts {
+        let rust = path.extension().is_some_and(|extension| extension == "rs");
+        for (at, line) in fs::read_to_string(&path).unwrap().lines().enumerate() {
+            let place = || format!("{}:{}", path.strip_prefix(root).unwrap().display(), at + 1);
+            let words: String = line
+                .to_lowercase()
+                .split(|c: char| !c.is_alphanumeric() && c != '_')
+                .fold(String::from(" "), |text, word| if word.is_empty() { text } else { text + word + " " });
+            for (phrase, instead) in PHRASES.iter().filter(|(phrase, _)| words.contains(&format!(" {phrase} "))) {
+                if !line.contains("// guard: ") {
+                    found.push(format!("{}: \"{phrase}\"; write: {instead}", place()));
+                }
+            }
+            // A tooltip shows nothing before it.
+            if rust && ["/// Of ", "/// As ", "/// The same "].iter().any(|start| line.trim_start().starts_with(start))
+            {
+                found.push(format!("{}: begin with the noun", place()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}

@@ -342,14 +342,14 @@ fn a_joint_phase_can_become_longer_or_shorter_on_its_way() {
     let views = Views::upload(&gpu, &[0, 1, 2, 3].map(camera), &seen).unwrap();
     for steps in [200, 34] {
         let mut enhancer = Enhancer::new(&session(&gpu), &wall(), &views, &short(Weigh::Tell)).unwrap();
-        let (mut last, mut anew) = (0, false);
+        let (mut last, mut again) = (0, false);
         while let Some(event) = enhancer.next(&views).unwrap() {
             match event {
                 Event::Weighed => enhancer.take_steps(100),
                 Event::Planned => assert_eq!(enhancer.spending().unwrap().steps, 100),
                 Event::Join { step, steps: all } => {
-                    (last, anew) = (all, anew || step > 40);
-                    if anew && all == 100 {
+                    (last, again) = (all, again || step > 40);
+                    if again && all == 100 {
                         enhancer.replan(&views, |step| [steps, step * steps / 100]).unwrap();
                     }
                 }

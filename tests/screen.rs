@@ -119,8 +119,8 @@ fn tiles_that_2d_gaussians_have_left_show_the_backdrop() {
     let mut changed = 0;
     for left in [count, 3, 12, 1, 0, 0] {
         let shown = image(&screen, &status, left);
-        let (anew, none) = rig();
-        assert_eq!(shown, image(&anew, &none, left), "{left} Gaussians");
+        let (again, none) = rig();
+        assert_eq!(shown, image(&again, &none, left), "{left} Gaussians");
         changed += shown.iter().zip(&behind).filter(|(a, b)| a != b).count();
     }
     assert_eq!(image(&screen, &status, 0), behind);
@@ -316,8 +316,8 @@ fn batches_come_one_after_the_other() {
         (refiner.batches().len(), all)
     };
     let (batches, both) = refined(0..2, true);
-    let (_, anew) = refined(0..2, false);
-    assert_eq!(both, anew, "renders that are kept, or made again");
+    let (_, again) = refined(0..2, false);
+    assert_eq!(both, again, "renders that are kept, or made again");
     assert_eq!(refined(0..1, false).1[0], both[0]);
     for (base, loss, gaussians) in &both {
         assert!(loss < base && gaussians.len() > 4, "{base} {loss} {}", gaussians.len());

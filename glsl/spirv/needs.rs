@@ -1,6 +1,6 @@
 /// Bits of VkSubgroupFeatureFlagBits.
 pub const SUBGROUP_OPERATIONS: u32 = 31;
-/// Of the kernel that binds most.
+/// Storage buffers of the kernel that binds most.
 pub const STORAGE_BUFFERS: u32 = 16;
-/// Of the kernel that takes most.
+/// Bytes of push constants of the kernel that has most.
 pub const PUSH_BYTES: u32 = 92;

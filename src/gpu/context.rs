@@ -219,7 +219,7 @@ impl Context {
         instance: &ash::Instance,
         options: &ContextOptions,
     ) -> Result<(vk::PhysicalDevice, BTreeSet<Feature>), GpuError> {
-        // SAFETY: both are live, as whoever has them says.
+        // SAFETY: both are live by the caller's contract.
         unsafe { check_instance(entry, instance) }?;
         device::pick(entry, instance, options).map(|(physical, _)| (physical.handle, physical.offered))
     }

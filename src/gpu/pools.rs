@@ -88,7 +88,7 @@ impl Stamps {
             return Ok(vec![]);
         }
         let flags = vk::QueryResultFlags::TYPE_64;
-        // SAFETY: so many were recorded; those that are not written are an error.
+        // SAFETY: this number was recorded; queries that are not written are an error.
         unsafe { context.0.device.get_query_pool_results(self.queries, 0, &mut stamps, flags) }
             .check("vkGetQueryPoolResults")?;
         let (period, mask) = (f64::from(context.info().timestamp_period), context.0.facts.timestamp_mask);

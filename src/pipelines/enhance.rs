@@ -711,7 +711,7 @@ fn batch_name(views: &Range<usize>) -> String {
 }
 
 fn not_joining() -> Error {
-    Error::Usage("only the joint phase can be ended early, kept and gone on with".into())
+    Error::Usage("only the joint phase can be ended early, checkpointed and resumed".into())
 }
 
 /// Augments `scene` from the photographs of `views` in one call; `watch` is called with every event.

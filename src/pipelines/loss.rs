@@ -196,7 +196,7 @@ impl Photometric {
         }
     }
 
-    /// Replaces the gradient of the batch's only frame by a random one, drawn anew in each step.
+    /// Replaces the gradient of the batch's only frame by a random one, drawn in each step.
     /// [`Learner::record_probe`](super::learn::Learner::record_probe) estimates the curvature from it.
     pub fn record_probe(
         &self,

@@ -87,7 +87,7 @@ fn what_cannot_be_written_is_bad_input_wherever_it_is_named() {
     work.refused("render base.ply data -o file", &["file", "expected a folder"]);
 }
 
-/// Photos that consist of headers only, with so many pixels that a Gaussian for each 256 would fill the disk,
+/// Photos that consist of headers only, with enough pixels that a Gaussian for each 256 would fill the disk,
 /// and far more than fit in memory. The error must be about memory, not about disk space for Gaussians that
 /// never exist.
 #[test]
