@@ -104,7 +104,7 @@ impl SaveArgs {
             if format.version.is_none() {
                 return Err(Error::Usage(format!("{}: --spz-version is only for .spz files", output.display())));
             }
-            format.version = Some(version);
+            format = format.in_version(version);
         }
         let ending = output.extension().unwrap_or_default().to_string_lossy();
         self.replace.check_file(output, &ending, "a scene", inputs)?;

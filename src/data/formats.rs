@@ -29,6 +29,8 @@ mod sog;
 mod splat;
 #[cfg(feature = "formats")]
 mod spz;
+#[cfg(feature = "formats")]
+mod usd;
 
 use std::fmt;
 use std::fs::File;
@@ -61,6 +63,10 @@ pub enum Kind {
     Gzip,
     /// glTF: binary, or JSON if the name says so.
     Gltf,
+    /// OpenUSD as text.
+    Usda,
+    /// OpenUSD in binary form, which glint does not read.
+    Usdc,
     /// Tensors; a run's checkpoint is also a scene.
     Safetensors,
     /// An image of floats.
@@ -86,6 +92,8 @@ impl Kind {
             [b'N', b'G', b'S', b'P', ..] => Kind::Spz,
             [b'P', b'K', 3, 4, ..] => Kind::Zip,
             [b'g', b'l', b'T', b'F', ..] => Kind::Gltf,
+            _ if start.starts_with(b"#usda ") => Kind::Usda,
+            _ if start.starts_with(b"PXR-USDC") => Kind::Usdc,
             [0x76, 0x2f, 0x31, 0x01, ..] => Kind::Exr,
             [0x89, b'P', b'N', b'G', ..] | [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => {
                 Kind::Image
@@ -157,6 +165,7 @@ impl Kind {
     pub(super) fn advice(self) -> &'static str {
         match self {
             Kind::Ksplat => "; export it as PLY",
+            Kind::Usdc => "; convert it to .usda, for example with usdcat",
             Kind::Json => " (where both are arguments, the scene comes before the dataset)",
             _ if self.format().is_some() && !self.may_be_scene() => "; this build of glint reads PLY scenes only",
             _ => "",
@@ -170,6 +179,7 @@ impl fmt::Display for Kind {
             Kind::Json => "a JSON file",
             Kind::Ksplat => "a .ksplat scene",
             Kind::Safetensors => "a safetensors file",
+            Kind::Usdc => "an OpenUSD scene in binary form",
             Kind::Exr => "an EXR image",
             Kind::Image => "an image",
             Kind::Video => "a video",
@@ -275,15 +285,25 @@ impl SceneFormat {
         },
         SceneFormat {
             ending: "spz",
-            about: "Niantic, version 4 unless --spz-version says otherwise: positions of 24 bits, all else bytes or less",
+            about: "Niantic, version 4 by default: positions of 24 bits, all else bytes or less; lobes in an extension of glint's",
             version: Some(4),
-            keeps_origin: false,
+            keeps_lobes: true,
             // Version 3 and before are gzip data.
             kinds: &[(Kind::Spz, "an SPZ scene"), (Kind::Gzip, "gzip data")],
             #[cfg(feature = "formats")]
             read: Some(spz::parse),
             #[cfg(feature = "formats")]
             write: Some(spz::write),
+            ..USUAL
+        },
+        SceneFormat {
+            ending: "usda",
+            about: "OpenUSD 26.03 as text: everything but lobes, as 32-bit floats",
+            kinds: &[(Kind::Usda, "an OpenUSD scene")],
+            #[cfg(feature = "formats")]
+            read: Some(usd::parse),
+            #[cfg(feature = "formats")]
+            write: Some(usd::write),
             ..USUAL
         },
         SceneFormat {
@@ -300,6 +320,13 @@ impl SceneFormat {
             ..USUAL
         },
     ];
+
+    /// The format in one of its versions; only the newest keeps lobes, origin and settings.
+    pub fn in_version(self, version: u8) -> SceneFormat {
+        let newest = self.version == Some(version);
+        let (keeps_lobes, keeps_origin) = (self.keeps_lobes && newest, self.keeps_origin && newest);
+        SceneFormat { version: Some(version), keeps_lobes, keeps_origin, ..self }
+    }
 
     /// Finds the format whose ending the name of `path` has.
     pub fn of(path: &Path) -> Option<SceneFormat> {

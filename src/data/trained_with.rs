@@ -3,7 +3,7 @@
 //! In PLY files they are comments: `SplatRenderMode: mip` or `default`, as in Brush's files (Postshot's
 //! `antialiased 1` is read too), and glint's own `glint background R G B`, `glint max_size PIXELS` and `glint
 //! exposure 1`. SOG has an object `glint` next to its `antialias`; glTF has one in the extras of a node. SPZ
-//! has a flag for `antialiased` and no room for the rest.
+//! version 4 has one in an extension of glint's, next to its flag for `antialiased`.
 
 #[cfg(feature = "train")]
 use serde::{Deserialize, Serialize};

@@ -61,10 +61,10 @@ fn a_georeferenced_scene_is_as_good_as_at_home() {
     assert!(origin.distance(utm) < 10.0 && header.contains(&format!("comment origin {} {}", origin.x, origin.y)));
     // Other formats hold the same scene; one that cannot store the origin gives a note, and shows nothing
     // there.
-    for file in ["there.glb", "there.sog", "there.compressed.ply", "there.spz"] {
+    for file in ["there.glb", "there.usda", "there.sog", "there.compressed.ply", "there.spz", "there.splat"] {
         let said = String::from_utf8(work.run(&format!("convert there.ply {file}")).stderr).unwrap();
-        if file == "there.spz" {
-            assert!(said.contains("there.spz: positions count from (") && said.contains("does not keep"), "{said}");
+        if file == "there.splat" {
+            assert!(said.contains("there.splat: positions count from (") && said.contains("does not keep"), "{said}");
             let lost =
                 work.json(&format!("eval {file} there --split all --json"))["augmented"]["psnr"].as_f64().unwrap();
             assert!(lost < found[1] - 5.0, "{lost}");

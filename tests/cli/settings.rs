@@ -26,9 +26,9 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
         assert_eq!(found, psnr(&work, &format!("{scene} data {SAID}")));
         // Each setting has an effect, and a differing one is reported.
         for (option, was) in [
-            ("--background black", "--background 0.2,0.9,0.6, and here it is 0,0,0"),
-            ("--compensate=false", "--compensate true, and here it is false"),
-            ("--max-size 32", "--max-size 24, and here it is 32"),
+            ("--background black", "--background 0.2,0.9,0.6, but 0,0,0 is given here"),
+            ("--compensate=false", "--compensate true, but false is given here"),
+            ("--max-size 32", "--max-size 24, but 32 is given here"),
         ] {
             let arguments = format!("eval {scene} data {option}");
             let text = said(&work, &arguments);
@@ -66,7 +66,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
     for (ending, again) in [
         ("compressed.ply", ""),
         ("sog", ""),
-        ("spz", "--background 0.2,0.9,0.6 --max-size 24"),
+        ("spz", ""),
         ("splat", "--background 0.2,0.9,0.6 --compensate --max-size 24"),
     ] {
         let text = said(&work, &format!("convert base.ply copy.{ending}"));

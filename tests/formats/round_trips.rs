@@ -51,12 +51,12 @@ fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestC
         return Ok(());
     }
     prop_assert_eq!(back.sh_degree, if ending == "splat" { 0 } else { before.sh_degree });
-    if !["glb", "spz", "splat"].contains(&ending) {
+    if !["glb", "usda", "spz", "splat"].contains(&ending) {
         return Ok(());
     }
     prop_assert!(largest(before, back, opacity) <= 0.5 / 255.0 + ROUNDING);
     let (angle, exact) = match ending {
-        "glb" => (ROUNDING, true),
+        "glb" | "usda" => (ROUNDING, true),
         "spz" => (2.0 * 2.0 * 3f64.sqrt() * 0.5 / (511.0 * 2f64.sqrt()), false),
         _ => (2.0 / 128.0 * 1.01, true),
     };
@@ -74,7 +74,7 @@ fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestC
 fn every_scene_comes_back_from_every_format() {
     let folder = tempfile::tempdir().unwrap();
     let config = Config { cases: 48, failure_persistence: None, ..Config::default() };
-    for ending in ["glb", "compressed.ply", "sog", "splat", "spz"] {
+    for ending in ["glb", "usda", "compressed.ply", "sog", "splat", "spz"] {
         let path = folder.path().join(format!("scene.{ending}"));
         let again = folder.path().join(format!("again.{ending}"));
         let round = |base: Gaussians| {

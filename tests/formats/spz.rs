@@ -217,11 +217,14 @@ fn far_scenes_have_fewer_bits_and_too_far_ones_are_refused() {
 fn the_flag_for_antialiasing_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.spz");
-    // An unset flag may come from a program that does not know it.
+    // An unset flag may come from a program that does not know it; glint's own record in version 4 tells more.
     for (antialiased, told) in [(None, None), (Some(false), None), (Some(true), Some(true))] {
         let trained_with = TrainedWith { antialiased, ..Default::default() };
-        write_scene_file(&path, &SceneFile { trained_with, ..SceneFile::from(sample(1, 2, 0)) }).unwrap();
-        assert_eq!(read_scene_file(&path).unwrap().trained_with.antialiased, told);
+        for (version, told) in [(3, told), (4, antialiased)] {
+            let file = SceneFile { trained_with, ..SceneFile::from(sample(1, 2, 0)) };
+            write_scene_as(&path, super::spz(version), &file).unwrap();
+            assert_eq!(read_scene_file(&path).unwrap().trained_with.antialiased, told);
+        }
     }
     let mut stream = legacy(2, 1);
     stream[14] = 1;
@@ -261,6 +264,66 @@ fn extensions_are_skipped_but_for_that_of_the_frame() {
     assert_eq!(read("b.spz", &zipped(&legacy)).unwrap().scene, wanted);
     legacy[14] = 0;
     refused("b.spz", &zipped(&legacy), &["more than the", "1 Gaussians"]);
+}
+
+/// Other readers show the base for them, because they skip the record. A direction has 15 bits a part, a width 16, a sharpness the 11 of
+/// float16.
+#[test]
+fn lobes_are_in_an_extension_that_other_readers_skip() {
+    let scene = random_scene(7, 60, 20, 2);
+    let mut shown = scene.base.clone();
+    shown.opacities.iter_mut().for_each(|v| *v -= 0.5);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("augmented.spz");
+    let file = SceneFile { shown: Some(shown.clone()), ..scene.clone().into() };
+    assert_eq!(write_scene_file(&path, &file).unwrap(), [""; 0]);
+    let back = read_scene_file(&path).unwrap();
+    let alone = |base: &Gaussians| round_trip(&Scene { base: base.clone(), ..Default::default() }, "spz").0.base;
+    assert!(back.shown == Some(alone(&shown)) && back.scene.base == alone(&scene.base));
+    let (found, wanted) = (back.scene.supplement.unwrap(), scene.supplement.as_ref().unwrap());
+    assert_eq!(found.gaussians, alone(&wanted.gaussians));
+    for i in 0..20 {
+        let [a, b] = [&found.lobes, &wanted.lobes].map(|lobes| lobes.directions[i].map(f64::from));
+        let length = b.iter().map(|v| v * v).sum::<f64>().sqrt();
+        assert!((0..3).all(|k| (a[k] - b[k] / length).abs() < 0.51 / 32767.0), "{a:?} for {b:?}");
+        let [a, b] = [&found.lobes, &wanted.lobes].map(|lobes| [lobes.widths[i], lobes.sharpness[i]].map(f64::from));
+        assert!((a[0] - b[0]).abs() < 0.51 / 65535.0 && (a[1] - b[1]).abs() <= b[1].abs() / 2048.0, "{a:?} for {b:?}");
+    }
+
+    // The record begins behind the header: under another number it is one that a reader does not know.
+    let bytes = fs::read(&path).unwrap();
+    let changed = |at: usize, byte: u8| [&bytes[..at], &[byte], &bytes[at + 1..]].concat();
+    let seen = read("other.spz", &changed(32, 9)).unwrap();
+    assert!(seen.scene.supplement.is_none() && seen.shown.is_none() && seen.scene.base == alone(&shown));
+    let what = "has an extension 0x474c0001 that";
+    refused("a.spz", &changed(43, 1), &[what, "ends in a scene of"]);
+    refused("a.spz", &changed(44, 7), &[what, "is not an SPZ scene"]);
+    // One Gaussian less than lobes.
+    refused("a.spz", &changed(44 + 8, 19), &[what, "bytes of positions"]);
+    for version in 1..=3 {
+        let refused = write_scene_as(&path, spz(version), &file).unwrap_err().to_string();
+        assert!(refused.contains("20 Gaussians with lobes"), "{refused}");
+    }
+    assert_eq!(fs::read(&path).unwrap(), bytes);
+}
+
+/// Only version 4 has room for settings; a damaged record of them costs nothing else.
+#[test]
+fn settings_are_in_an_extension() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.spz");
+    let trained_with = TrainedWith { background: Some([1.0, 0.5, 0.0]), max_size: Some(400), ..Default::default() };
+    let origin = glam::DVec3::new(4.5e6, -1.0, 2.0);
+    let file = SceneFile { trained_with, ..Scene { origin, ..sample(1, 20, 1) }.into() };
+    assert_eq!(write_scene_file(&path, &file).unwrap(), [""; 0]);
+    let back = read_scene_file(&path).unwrap();
+    assert_eq!((back.trained_with, back.scene.origin), (trained_with, origin));
+    let mut bytes = fs::read(&path).unwrap();
+    bytes[40] = b'!';
+    assert_eq!(read("a.spz", &bytes).unwrap().scene, Scene { origin: glam::DVec3::ZERO, ..back.scene });
+    let notes = write_scene_as(&path, spz(3), &file).unwrap().join("; ");
+    assert!(notes.contains("positions count from") && notes.contains("--background 1,0.5,0 --max-size 400"), "{notes}");
+    assert_eq!(read_scene_file(&path).unwrap().trained_with, TrainedWith::default());
 }
 
 #[test]

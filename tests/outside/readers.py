@@ -1,11 +1,12 @@
-"""Reads two PLY files with other programs, an augmented scene and its base alone: readers.py AUGMENTED BASE. Each program must get the
-same data from both. Run by tools/readers, which installs the packages."""
+"""Reads two PLY files with other programs, an augmented scene and its base alone: readers.py AUGMENTED BASE USDA. Each program must get
+the same data from both. The third file is the base in OpenUSD, which usd-core must read. Run by tools/readers, which installs the packages."""
 
 import sys
 
 import numpy
 import open3d
 import pymeshlab
+from pxr import Usd
 
 
 def open3d_reads(path):
@@ -27,4 +28,10 @@ for name, read in [("open3d", open3d_reads), ("pymeshlab", pymeshlab_reads)]:
     same = numbers > 0 and len(augmented) == len(base) and all(map(numpy.array_equal, augmented, base))
     failed |= not same
     print(f"{'the base' if same else 'NOT THE BASE'}  {name}: {numbers} numbers")
+prim = Usd.Stage.Open(sys.argv[3]).GetDefaultPrim()
+# The stage is y up and z back.
+positions = numpy.array(prim.GetAttribute("positions").Get()) * [1, -1, -1]
+same = numpy.array_equal(positions, open3d.t.io.read_point_cloud(sys.argv[2]).point.positions.numpy())
+failed |= not same
+print(f"{'the base' if same else 'NOT THE BASE'}  usd-core, {prim.GetTypeName()}: {positions.size} positions")
 sys.exit(failed)

@@ -15,14 +15,20 @@
 //! - harmonics above the constant one, 3 bytes a coefficient (RGB): 128 coefficient + 128
 //!
 //! The frame is x right, y up, z back, unless an extension says otherwise.
+//!
+//! Gaussians with lobes, the origin and training settings are in extensions of version 4 that other readers skip; docs/formats.md
+//! describes them.
 
 use std::path::Path;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::axes::{self, Signs, Y_UP_Z_BACK};
 use super::common::{name, put, room};
 use super::{floaters, inflate, quantise};
 use crate::data::{SceneFile, TrainedWith};
-use crate::scene::{Gaussians, Scene};
+use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
 const MAGIC: [u8; 4] = *b"NGSP";
@@ -37,6 +43,11 @@ const ANTIALIASED: u8 = 1;
 const HAS_EXTENSIONS: u8 = 2;
 /// Adobe's extension for the frame, 1 to 8; minus 1, its bits are x right, y up, z front.
 const FRAME_EXTENSION: u32 = 0xADBE_0003;
+/// glint's extensions, of vendor `GL`: the supplement, and [`Settings`] as JSON.
+const LOBES_EXTENSION: u32 = 0x474C_0001;
+const SETTINGS_EXTENSION: u32 = 0x474C_0002;
+/// Bytes of a lobe: direction (three signed 16-bit parts of 32,767), width (16 bits of 1), sharpness (float16).
+const LOBE_BYTES: usize = 10;
 /// Factor of the color's coefficient, which leaves room for colors beyond 0 to 1.
 const COLOR: f64 = 0.15;
 /// Range of a fixed-point position.
@@ -103,21 +114,51 @@ impl Header {
     }
 }
 
-/// Reads a scene. `path` is only used in errors.
-pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
-    let (base, antialiased) = read(bytes).map_err(|what| Error::input(path, what))?;
-    // Programs that do not know this flag leave it unset.
-    let trained_with = TrainedWith { antialiased: antialiased.then_some(true), ..Default::default() };
-    Ok(SceneFile { trained_with, ..Scene { base, ..Default::default() }.into() })
+/// Settings that the header has no flag for.
+#[derive(Default, PartialEq, Serialize, Deserialize)]
+struct Settings {
+    /// World position of the coordinate origin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    origin: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "TrainedWith::deserialize_leniently")]
+    glint: TrainedWith,
 }
 
-/// Returns the Gaussians, and whether they were trained with antialiasing.
+/// Contents of a file.
+#[derive(Default)]
+struct Parsed {
+    base: Gaussians,
+    antialiased: bool,
+    settings: Settings,
+    supplement: Option<Supplement>,
+    /// The base that was trained with the supplement, if it differs.
+    learned: Option<Gaussians>,
+}
+
+/// Reads a scene. `path` is only used in errors.
+pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<SceneFile> {
+    let parsed = if bytes.starts_with(&MAGIC) { parse_streams(bytes, true) } else { parse_legacy(bytes) };
+    let parsed = parsed.map_err(|what| Error::input(path, what))?;
+    let Parsed { base, antialiased, settings: Settings { origin, glint }, supplement, learned } = parsed;
+    // Programs that do not know this flag leave it unset.
+    let trained_with = TrainedWith { antialiased: glint.antialiased.or(antialiased.then_some(true)), ..glint };
+    let origin = origin.map(DVec3::from_array).filter(|origin| origin.is_finite()).unwrap_or_default();
+    let (base, shown) = match learned {
+        Some(learned) => (learned, Some(base)),
+        None => (base, None),
+    };
+    let scene = Scene { base, supplement, origin };
+    Ok(SceneFile { trained_with, shown, ..scene.into() })
+}
+
+/// Returns the Gaussians that every reader shows, and whether they were trained with antialiasing.
 pub(super) fn read(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
-    if bytes.starts_with(&MAGIC) { parse_streams(bytes) } else { parse_legacy(bytes) }
+    let parsed = if bytes.starts_with(&MAGIC) { parse_streams(bytes, false)? } else { parse_legacy(bytes)? };
+    Ok((parsed.base, parsed.antialiased))
 }
 
 /// Versions 1 to 3.
-fn parse_legacy(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
+fn parse_legacy(bytes: &[u8]) -> Result<Parsed, String> {
     let (start, _) = inflate::gzip(bytes, LEGACY_HEADER as u64)?;
     if start.len() < LEGACY_HEADER {
         return Err(format!(
@@ -145,11 +186,12 @@ fn parse_legacy(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
         rest = left;
         taken
     });
-    Ok((decode(header, attributes, Y_UP_Z_BACK), header.has(ANTIALIASED)))
+    let base = decode(header, attributes, Y_UP_Z_BACK);
+    Ok(Parsed { base, antialiased: header.has(ANTIALIASED), ..Default::default() })
 }
 
-/// Version 4.
-fn parse_streams(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
+/// Version 4. The scenes within glint's extension are read without theirs.
+fn parse_streams(bytes: &[u8], with_lobes: bool) -> Result<Parsed, String> {
     if bytes.len() < HEADER {
         return Err(format!("is an SPZ scene of {} bytes, expected a header of {HEADER}", bytes.len()));
     }
@@ -169,7 +211,8 @@ fn parse_streams(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
     if table < HEADER || end > bytes.len() {
         return Err(format!("has its table of streams at byte {table}, expected {HEADER} or more and within the file"));
     }
-    let frame = if header.has(HAS_EXTENSIONS) { frame(&bytes[HEADER..table])? } else { Y_UP_Z_BACK };
+    let extensions = if header.has(HAS_EXTENSIONS) { &bytes[HEADER..table] } else { &[] };
+    let Extensions { frame, lobes, settings } = Extensions::parse(extensions)?;
     let mut attributes: [Vec<u8>; 6] = Default::default();
     let mut rest = &bytes[end..];
     for (&i, row) in wanted.iter().zip(bytes[table..end].chunks_exact(TABLE_ROW)) {
@@ -189,32 +232,115 @@ fn parse_streams(bytes: &[u8]) -> Result<(Gaussians, bool), String> {
     if !rest.is_empty() {
         return Err(format!("has {} bytes behind its last stream", rest.len()));
     }
-    Ok((decode(header, attributes.each_ref().map(Vec::as_slice), frame), header.has(ANTIALIASED)))
+    let base = decode(header, attributes.each_ref().map(Vec::as_slice), frame);
+    let mut parsed = Parsed { base, antialiased: header.has(ANTIALIASED), settings, ..Default::default() };
+    if let Some(lobes) = lobes.filter(|_| with_lobes) {
+        let in_extension = |what| format!("has an extension {LOBES_EXTENSION:#x} that {what}");
+        let (supplement, learned) = parse_lobes(lobes).map_err(in_extension)?;
+        (parsed.supplement, parsed.learned) = (Some(supplement), learned);
+    }
+    Ok(parsed)
 }
 
-/// Signs of the axes according to the extensions.
-fn frame(mut records: &[u8]) -> Result<Signs, String> {
-    let mut found = Y_UP_Z_BACK;
-    while let Some((head, rest)) = records.split_first_chunk::<8>() {
-        let [a, b, c, d, e, f, g, h] = *head;
-        let (kind, length) = (u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]));
-        let Some((payload, rest)) = rest.split_at_checked(length as usize) else {
-            return Err(format!("has an extension {kind:#x} of {length} bytes, but {} are left for it", rest.len()));
-        };
-        records = rest;
-        if kind == FRAME_EXTENSION {
-            let value = payload.first_chunk().map(|&bytes| u32::from_le_bytes(bytes));
-            found = match value {
-                Some(0) => Y_UP_Z_BACK,
-                Some(system @ 1..=8) => {
-                    let bit = |i: u32| (system - 1) >> i & 1 == 1;
-                    [(0, true), (1, false), (2, true)].map(|(i, same)| if bit(i) == same { 1.0 } else { -1.0 })
-                }
-                value => return Err(format!("has a frame {value:?} in extension {kind:#x}, expected 0 to 8")),
+/// Extensions that glint knows.
+struct Extensions<'a> {
+    /// Signs of the axes.
+    frame: Signs,
+    /// Payload of [`LOBES_EXTENSION`].
+    lobes: Option<&'a [u8]>,
+    settings: Settings,
+}
+
+impl<'a> Extensions<'a> {
+    fn parse(mut records: &'a [u8]) -> Result<Self, String> {
+        let mut found = Extensions { frame: Y_UP_Z_BACK, lobes: None, settings: Settings::default() };
+        while let Some((head, rest)) = records.split_first_chunk::<8>() {
+            let [a, b, c, d, e, f, g, h] = *head;
+            let (kind, length) = (u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]));
+            let Some((payload, rest)) = rest.split_at_checked(length as usize) else {
+                return Err(format!(
+                    "has an extension {kind:#x} of {length} bytes, but {} are left for it",
+                    rest.len()
+                ));
             };
+            records = rest;
+            match kind {
+                LOBES_EXTENSION => found.lobes = Some(payload),
+                // Settings that another program has damaged are no reason to refuse the scene.
+                SETTINGS_EXTENSION => found.settings = serde_json::from_slice(payload).unwrap_or_default(),
+                _ => {}
+            }
+            if kind == FRAME_EXTENSION {
+                let value = payload.first_chunk().map(|&bytes| u32::from_le_bytes(bytes));
+                found.frame = match value {
+                    Some(0) => Y_UP_Z_BACK,
+                    Some(system @ 1..=8) => {
+                        let bit = |i: u32| (system - 1) >> i & 1 == 1;
+                        [(0, true), (1, false), (2, true)].map(|(i, same)| if bit(i) == same { 1.0 } else { -1.0 })
+                    }
+                    value => return Err(format!("has a frame {value:?} in extension {kind:#x}, expected 0 to 8")),
+                };
+            }
         }
+        Ok(found)
     }
-    Ok(found)
+}
+
+/// Parses the payload of glint's extension: a supplement, and a base if it differs from the file's.
+fn parse_lobes(payload: &[u8]) -> Result<(Supplement, Option<Gaussians>), String> {
+    let scene = |payload: &mut &[u8]| -> Result<Option<Gaussians>, String> {
+        let Some((length, rest)) = payload.split_first_chunk() else { return Err("ends within a length".into()) };
+        let length = u32::from_le_bytes(*length) as usize;
+        let split = rest.split_at_checked(length);
+        let (scene, rest) =
+            split.ok_or_else(|| format!("ends in a scene of {length} bytes, of which {} are left", rest.len()))?;
+        *payload = rest;
+        match scene {
+            [] => Ok(None),
+            scene => parse_streams(scene, false).map(|parsed| Some(parsed.base)),
+        }
+    };
+    let mut rest = payload;
+    let (gaussians, learned) = (scene(&mut rest)?.unwrap_or_default(), scene(&mut rest)?);
+    let size = LOBE_BYTES * gaussians.len();
+    inflate::check_promise(payload.len(), size as u64, "lobes")?;
+    let mut lobes = Lobes::default();
+    for bytes in inflate::zstd(rest, size, "lobes")?.as_chunks::<LOBE_BYTES>().0 {
+        let &[a, b, c, d, e, f, g, h, i, j] = bytes;
+        let part = |bytes| f32::from(i16::from_le_bytes(bytes)) / f32::from(i16::MAX);
+        lobes.directions.push([part([a, b]), part([c, d]), part([e, f])]);
+        lobes.widths.push(f32::from(u16::from_le_bytes([g, h])) / f32::from(u16::MAX));
+        lobes.sharpness.push(half::f16::from_le_bytes([i, j]).to_f32());
+    }
+    axes::flip_lobes(&mut lobes, Y_UP_Z_BACK);
+    Ok((Supplement { gaussians, lobes }, learned))
+}
+
+/// The payload that [`parse_lobes`] parses.
+fn pack_lobes(
+    supplement: &Supplement,
+    learned: Option<&Gaussians>,
+    notes: &mut Vec<String>,
+) -> Result<Vec<u8>, String> {
+    let Supplement { gaussians, lobes } = supplement;
+    let mut out = Vec::new();
+    for scene in [Some(gaussians), learned] {
+        let bytes = scene.map_or(Ok(Vec::new()), |scene| pack(scene, VERSION, 0, &[], notes))?;
+        out.extend((bytes.len() as u32).to_le_bytes());
+        out.extend(bytes);
+    }
+    let mut turned = lobes.clone();
+    axes::flip_lobes(&mut turned, Y_UP_Z_BACK);
+    let mut stream = Vec::with_capacity(LOBE_BYTES * gaussians.len());
+    for ((direction, width), sharpness) in turned.directions.iter().zip(&turned.widths).zip(&turned.sharpness) {
+        let direction = DVec3::from_array(direction.map(f64::from)).normalize_or_zero();
+        let parts = direction.to_array().map(|v| (v * f64::from(i16::MAX)).round() as i16);
+        stream.extend(parts.into_iter().flat_map(i16::to_le_bytes));
+        stream.extend(((f64::from(*width) * f64::from(u16::MAX)).round() as u16).to_le_bytes());
+        stream.extend(half::f16::from_f32(*sharpness).to_le_bytes());
+    }
+    out.extend(zstd::bulk::compress(&stream, LEVEL).map_err(|error| error.to_string())?);
+    Ok(out)
 }
 
 /// Decodes attributes, whose sizes match the header.
@@ -281,23 +407,55 @@ fn rotation_bytes(quat: [f32; 4]) -> [u8; 3] {
     [x, y, z].map(|v| quantise::byte(127.5 * (sign * v + 1.0)))
 }
 
-/// Writes one of the versions 1 to 4. Version 3 has the same precision as 4; 2 has coarser rotations, and 1
-/// also has positions of 16 bits. Floaters that would leave the others less than 12 fraction bits are moved
-/// in.
+/// Writes one of the versions 1 to 4. Version 3 has the same precision as 4, but no lobes; 2 has coarser
+/// rotations, and 1 also has positions of 16 bits. Floaters that would leave the others less than 12 fraction
+/// bits are moved in. Other viewers show the base for them, if there is one.
+///
+/// Versions below 4 keep neither lobes nor settings.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is no such version, or a position exceeds its range.
+/// [`Error::Usage`] if there is no such version, or if a position exceeds its range.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, version: Option<u8>) -> Result<Vec<String>> {
-    let (gaussians, version) = (&file.scene.base, version.unwrap_or(VERSION));
+    let (Scene { base, supplement, origin }, version) = (&file.scene, version.unwrap_or(VERSION));
     let refuse = |what: String| Error::Usage(format!("{}: {what}", name(path)));
     if !(1..=VERSION).contains(&version) {
         return Err(refuse(format!("there is no SPZ version {version}, expected 1 to {VERSION}")));
     }
-    let Grid { fraction_bits, limit, step } = Grid::of(&gaussians.means, version).map_err(refuse)?;
-    let count =
-        u32::try_from(gaussians.len()).map_err(|_| refuse(format!("SPZ holds no more than {} Gaussians", u32::MAX)))?;
+    let (mut notes, mut extensions, mut shown) = (Vec::new(), Vec::new(), base);
+    let mut extend = |kind: u32, payload: &[u8]| {
+        let length =
+            u32::try_from(payload.len()).map_err(|_| refuse("an extension of SPZ holds no more than 4 GB".into()))?;
+        extensions.extend([kind, length].into_iter().flat_map(u32::to_le_bytes));
+        extensions.extend(payload);
+        Ok::<_, Error>(())
+    };
+    if let Some(supplement) = supplement {
+        shown = file.shown.as_ref().unwrap_or(base);
+        let learned = file.shown.as_ref().map(|_| base);
+        extend(LOBES_EXTENSION, &pack_lobes(supplement, learned, &mut notes).map_err(refuse)?)?;
+    }
+    let origin = Some(origin.to_array()).filter(|_| *origin != DVec3::ZERO);
+    let settings = Settings { origin, glint: file.trained_with };
+    if settings != Settings::default() {
+        extend(SETTINGS_EXTENSION, &serde_json::to_vec(&settings).map_err(|error| refuse(error.to_string()))?)?;
+    }
+    let flags = if file.trained_with.antialiased == Some(true) { ANTIALIASED } else { 0 };
+    put(path, &pack(shown, version, flags, &extensions, &mut notes).map_err(refuse)?)?;
+    notes.dedup();
+    Ok(notes)
+}
+
+/// A whole file. `extensions` are for version 4.
+fn pack(
+    gaussians: &Gaussians,
+    version: u8,
+    flags: u8,
+    extensions: &[u8],
+    notes: &mut Vec<String>,
+) -> Result<Vec<u8>, String> {
+    let Grid { fraction_bits, limit, step } = Grid::of(&gaussians.means, version)?;
+    let count = u32::try_from(gaussians.len()).map_err(|_| format!("SPZ holds no more than {} Gaussians", u32::MAX))?;
     let mut turned = gaussians.clone();
-    let mut notes = Vec::new();
     if let Some(limit) = limit {
         let (moved, all) = (floaters::move_in(&mut turned, limit), gaussians.len());
         notes.push(format!(
@@ -312,28 +470,28 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, version: Option<u8>)
     axes::flip(&mut turned, Y_UP_Z_BACK);
     let streams = encode(&turned, fraction_bits, version);
     let streams: Vec<&[u8]> = streams.iter().map(Vec::as_slice).filter(|stream| !stream.is_empty()).collect();
-    let fail = |error| Error::io(path, error);
     let mut out = Vec::from(MAGIC);
     out.extend([u32::from(version), count].into_iter().flat_map(u32::to_le_bytes));
-    let flags = if file.trained_with.antialiased == Some(true) { ANTIALIASED } else { 0 };
+    let extensions = if version < VERSION { &[] } else { extensions };
+    let flags = flags | if extensions.is_empty() { 0 } else { HAS_EXTENSIONS };
     out.extend([gaussians.sh_degree as u8, fraction_bits, flags]);
-    if version < 4 {
+    let fail = |error: std::io::Error| error.to_string();
+    if version < VERSION {
         out.resize(LEGACY_HEADER, 0);
         streams.iter().for_each(|stream| out.extend(*stream));
-        put(path, &inflate::deflate(&out).map_err(fail)?)?;
-        return Ok(notes);
+        return inflate::deflate(&out).map_err(fail);
     }
     let packed: Vec<Vec<u8>> =
         streams.iter().map(|stream| zstd::bulk::compress(stream, LEVEL)).collect::<Result<_, _>>().map_err(fail)?;
     out.push(streams.len() as u8);
-    out.extend((HEADER as u32).to_le_bytes());
+    out.extend(((HEADER + extensions.len()) as u32).to_le_bytes());
     out.resize(HEADER, 0);
+    out.extend(extensions);
     for (stream, packed) in streams.iter().zip(&packed) {
         out.extend([packed.len() as u64, stream.len() as u64].into_iter().flat_map(u64::to_le_bytes));
     }
     packed.iter().for_each(|packed| out.extend(packed));
-    put(path, &out)?;
-    Ok(notes)
+    Ok(out)
 }
 
 /// Quantisation of positions.

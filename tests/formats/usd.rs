@@ -1,0 +1,127 @@
+//! Tests OpenUSD's text form.
+
+use super::*;
+
+/// A stage around the body of its root, with one Gaussian for each row of `positions`.
+fn stage(head: &str, body: &str) -> Vec<u8> {
+    format!("#usda 1.0\n(\n{head}\n)\n{body}\n").into_bytes()
+}
+
+/// Two Gaussians of degree 1, with what other writers add.
+const TWO: &str = r#"
+def "Unused" {
+    custom string note = "a \"quoted\" ( bracket"
+    asset file = @./other.usd@
+    rel material:binding = </World/Looks>
+}
+def Xform "World" (
+    kind = "component" # ( in a comment
+)
+{
+    double3 xformOp:translate = (10, 0, 0)
+    float3 xformOp:rotateXYZ = (0, 90, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+
+    def ParticleField3DGaussianSplat "splat" (
+        customData = { dictionary other = { int glints = 4 }; string glint = "{\"max_size\": 400}" }
+    )
+    {
+        point3f[] positions = [(1, 2, 3), (0, 0, -1),]
+        quath[] orientationsh = [(1, 0, 0, 0), (0, 1, 0, 0)]
+        float3[] scales = [(1, 1, 1), (0.5, 2, 1)] ( interpolation = "vertex" )
+        float[] opacities = [0.5, 1, 7]
+        uniform int radiance:sphericalHarmonicsDegree = 1
+        float3[] radiance:sphericalHarmonicsCoefficients = [
+            (0.1, 0.2, 0.3), (1, 0, 0), (0, 1, 0), (0, 0, 1),
+            (0, 0, 0), (0, 0, 0), (0, 0, 0), (0, 0, 0)
+        ]
+    }
+}
+"#;
+
+#[test]
+fn a_stage_of_another_program_is_read_under_its_transformations() {
+    let file = read("a.usda", &stage("upAxis = \"Y\"", TWO)).unwrap();
+    let base = &file.scene.base;
+    assert_eq!((base.len(), base.sh_degree, file.trained_with.max_size), (2, 1, Some(400)));
+    // A quarter turn about y takes (1, 2, 3) to (3, 2, −1); then 10 along x; then y and z change signs.
+    let near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-5);
+    assert!(near(base.means[0], [13.0, -2.0, 1.0]) && near(base.means[1], [9.0, 0.0, 0.0]), "{:?}", base.means);
+    assert!(near(base.log_scales[1], [0.5f32.ln(), 2f32.ln(), 0.0]) && base.opacities[0] == 0.0);
+    // Opaque, and the third opacity belongs to nobody.
+    assert!(base.opacities.len() == 2 && base.opacities[1] > 15.0);
+    assert!(near(base.sh[0], [0.1, 0.2, 0.3]));
+    // With z up, (x, y, z) of the stage is (x, −z, y) of a PLY.
+    let up = read("a.usda", &stage("upAxis = \"Z\"", TWO)).unwrap().scene.base;
+    assert!(near(up.means[0], [13.0, 1.0, 2.0]), "{:?}", up.means);
+}
+
+#[test]
+fn what_is_missing_has_the_schemas_defaults_and_what_is_short_is_ignored() {
+    let one = "def ParticleField3DGaussianSplat \"s\" { point3h[] positionsh = [(1, 2, 3)] }";
+    let base = read("a.usda", &stage("", one)).unwrap().scene.base;
+    assert_eq!((base.means[0], base.log_scales[0], base.sh_degree), ([1.0, -2.0, -3.0], [0.0; 3], 0));
+    assert!(base.quats[0] == [1.0, 0.0, 0.0, 0.0] && base.opacities[0] > 15.0 && base.sh == [[0.0; 3]]);
+    let file = read("a.usda", &stage("", &one.replace("}", "float3[] scales = [(1, 1)] }"))).unwrap();
+    assert_eq!(
+        (file.scene.base.log_scales[0], file.notes),
+        ([0.0; 3], vec!["`scales` has 2 numbers of 3, so it is ignored".to_owned()])
+    );
+    // Two prims are one scene.
+    let both = format!("{one}\n{}", TWO);
+    assert_eq!(read("a.usda", &stage("", &both)).unwrap().scene.base.len(), 3);
+}
+
+/// Sizes and opacities are linear, rotations of length 1: what is left is float32's rounding.
+#[test]
+fn a_scene_comes_back_with_its_origin_and_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.usda");
+    let origin = glam::DVec3::new(5e5, 4.5e6, -120.125);
+    let trained_with = TrainedWith { background: Some([1.0, 0.5, 0.0]), antialiased: Some(true), ..Default::default() };
+    let scene = Scene { origin, ..sample(11, 50, 2) };
+    assert_eq!(write_scene_file(&path, &SceneFile { trained_with, ..scene.clone().into() }).unwrap(), [""; 0]);
+    let back = read_scene_file(&path).unwrap();
+    assert_eq!((back.trained_with, back.scene.origin, back.notes), (trained_with, origin, vec![]));
+    let (before, after) = (scene.base, back.scene.base);
+    assert!(after.means == before.means && after.sh == before.sh);
+    for i in 0..50 {
+        let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * b.abs().max(1.0);
+        assert!((0..3).all(|k| near(after.log_scales[i][k], before.log_scales[i][k])));
+        assert!(near(after.opacities[i], before.opacities[i]), "{} {}", after.opacities[i], before.opacities[i]);
+    }
+}
+
+#[test]
+fn damage_is_an_error_with_its_line() {
+    let splat = "def ParticleField3DGaussianSplat \"s\" {";
+    for (body, words) in [
+        ("def Mesh \"m\" {}", "has no prim `ParticleField3DGaussianSplat`"),
+        ("def Xform \"x\" {", "a brace is not closed"),
+        ("def Xform \"x {}", "line 5: a string is not closed"),
+        (&format!("{splat} }}"), "prim `s`: lacks `positions`"),
+        (&format!("{splat} point3f[] positions.timeSamples = {{ 0: [(1, 2, 3)] }} }}"), "is animated"),
+        (&format!("{splat} point3f[] positions = [(1, 2, x)] }}"), "`positions`: `x` is not a number"),
+        (&format!("{splat} point3f[] positions = [(1, 2, 3) }}"), "a bracket is not closed"),
+        (&format!("{splat} point3f[] positions = [(nan, 2, 3)] }}"), "row 0"),
+        (
+            &format!("{splat} point3f[] positions = [(1, 2, 3)] uniform int radiance:sphericalHarmonicsDegree = 4 }}"),
+            "expected 0 to 3",
+        ),
+        (
+            &TWO.replace("(0, 90, 0)", "(0, 90)"),
+            "prim `World`: `xformOp:rotateXYZ` is not a transformation that is read",
+        ),
+        (
+            &TWO.replace("float3 xformOp:rotateXYZ = (0, 90, 0)", "float3 xformOp:scale = (1, 2, 1)")
+                .replace("\"xformOp:rotateXYZ\"", "\"xformOp:scale\""),
+            "no rotation, uniform scale and translation",
+        ),
+    ] {
+        refused("a.usda", &stage("", body), &[words]);
+    }
+    refused("a.usda", &[b"#usda 1.0\n\xff"[..].to_vec()].concat(), &["is not UTF-8 at byte 10"]);
+    let deep = "def \"a\" {\n".repeat(100) + &"}".repeat(100);
+    refused("a.usda", &stage("", &deep), &["nested deeper than 64"]);
+    refused("b.usdc", b"PXR-USDC\0\0\0\0", &["OpenUSD scene in binary form", "usdcat"]);
+}
