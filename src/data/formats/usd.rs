@@ -85,11 +85,20 @@ impl<'a> Cursor<'a> {
     fn value(&mut self) -> Result<&'a str, String> {
         self.peek();
         let (bytes, begin) = (self.text.as_bytes(), self.at);
-        let mut open = 0usize;
+        // The closing brackets that are expected.
+        let mut open = Vec::new();
         loop {
             match bytes.get(self.at) {
-                Some(b'[' | b'(' | b'{') => (open, self.at) = (open + 1, self.at + 1),
-                Some(b']' | b')' | b'}') if open > 0 => (open, self.at) = (open - 1, self.at + 1),
+                Some(&bracket @ (b'[' | b'(' | b'{')) => {
+                    open.push(if bracket == b'(' { b')' } else { bracket + 2 });
+                    self.at += 1;
+                }
+                Some(bracket @ (b']' | b')' | b'}')) if !open.is_empty() => {
+                    if open.pop().as_ref() != Some(bracket) {
+                        return self.fail("a bracket is not closed");
+                    }
+                    self.at += 1;
+                }
                 // A path or an asset ends at its own bracket.
                 Some(b'"' | b'\'' | b'@' | b'<') => {
                     let rest = &self.text[self.at..];
@@ -97,13 +106,13 @@ impl<'a> Cursor<'a> {
                     let quote = quotes.into_iter().find(|quote| rest.starts_with(*quote)).unwrap_or("\"");
                     self.quoted(if quote == "<" { ">" } else { quote }, quote.len())?;
                 }
-                None if open > 0 => return self.fail("a bracket is not closed"),
-                _ if open == 0 => drop(self.word()),
+                None if !open.is_empty() => return self.fail("a bracket is not closed"),
+                _ if open.is_empty() => drop(self.word()),
                 Some(b'#') => drop(self.peek()),
                 // Bytes of longer characters are skipped one by one, up to a bracket or quote.
                 _ => self.at += 1,
             }
-            if open == 0 {
+            if open.is_empty() {
                 return Ok(&self.text[begin..self.at]);
             }
         }
