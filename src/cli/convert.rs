@@ -101,10 +101,8 @@ impl SaveArgs {
     pub(super) fn prepare(&self, output: &Path, file: SceneFile, inputs: &Inputs) -> Result<Prepared> {
         let mut format = SceneFormat::of(output).ok_or_else(|| unknown(output))?;
         if let Some(version) = self.spz_version {
-            if format.version.is_none() {
-                return Err(Error::Usage(format!("{}: --spz-version is only for .spz files", output.display())));
-            }
-            format = format.in_version(version);
+            let refuse = || Error::Usage(format!("{}: --spz-version is only for .spz files", output.display()));
+            format = format.in_version(version).ok_or_else(refuse)?;
         }
         let ending = output.extension().unwrap_or_default().to_string_lossy();
         self.replace.check_file(output, &ending, "a scene", inputs)?;

@@ -205,7 +205,7 @@ pub struct SceneFormat {
     /// One line for the help: the data that the format keeps.
     pub about: &'static str,
     /// Default version for writing, if the format has several.
-    pub version: Option<u8>,
+    pub(super) version: Option<u8>,
     /// Whether it keeps a supplement.
     pub keeps_lobes: bool,
     /// Whether it keeps the world position of its coordinates' origin
@@ -321,11 +321,11 @@ impl SceneFormat {
         },
     ];
 
-    /// The format in one of its versions; only the newest keeps lobes, origin and settings.
-    pub fn in_version(self, version: u8) -> SceneFormat {
-        let newest = self.version == Some(version);
+    /// The format in one of its versions; `None` if it has none. Only the newest keeps lobes, origin and settings.
+    pub fn in_version(self, version: u8) -> Option<SceneFormat> {
+        let newest = self.version? == version;
         let (keeps_lobes, keeps_origin) = (self.keeps_lobes && newest, self.keeps_origin && newest);
-        SceneFormat { version: Some(version), keeps_lobes, keeps_origin, ..self }
+        Some(SceneFormat { version: Some(version), keeps_lobes, keeps_origin, ..self })
     }
 
     /// Finds the format whose ending the name of `path` has.

@@ -54,8 +54,9 @@ number!(number_mut, mut);
 /// All columns except normals, in the reference trainer's order.
 pub(super) fn columns(sh_degree: u32, lobed: bool) -> Vec<(String, Place)> {
     let colors = color::of(sh_degree);
-    let rest = (0..3 * (colors.coefficients - 1)).map(|i| {
-        let (coefficient, channel) = (colors.ply_place)(i);
+    let beyond = colors.coefficients - 1;
+    let rest = (0..3 * beyond).map(|i| {
+        let (coefficient, channel) = (colors.ply_place)(i, beyond);
         Place::Sh(coefficient, channel)
     });
     let mut all = axes("", Place::Mean);

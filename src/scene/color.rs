@@ -30,18 +30,19 @@ pub struct ColorModel {
     pub newton: bool,
     /// Prefix of the PLY properties beyond the constant.
     pub ply_prefix: &'static str,
-    /// Returns the coefficient and channel of a PLY property, by its number behind the prefix.
-    pub ply_place: fn(usize) -> (usize, usize),
+    /// Returns the coefficient and channel of a PLY property, by its number behind the prefix and the number of coefficients beyond the
+    /// constant.
+    pub ply_place: fn(usize, usize) -> (usize, usize),
     /// Returns the initial value of coefficient k ≥ 1 of Gaussian i.
     pub initial: fn(usize, usize) -> [f32; 3],
 }
 
 /// All color models.
 pub static MODELS: [ColorModel; 5] = [
-    harmonics("SH degree 0", 0, &[0], |_| (0, 0)),
-    harmonics("SH degree 1", 1, &[0, 1], |i| (1 + i % 3, i / 3)),
-    harmonics("SH degree 2", 2, &[0, 1, 2], |i| (1 + i % 8, i / 8)),
-    harmonics("SH degree 3", 3, &[0, 1, 2, 3], |i| (1 + i % 15, i / 15)),
+    harmonics("SH degree 0", &[0]),
+    harmonics("SH degree 1", &[0, 1]),
+    harmonics("SH degree 2", &[0, 1, 2]),
+    harmonics("SH degree 3", &[0, 1, 2, 3]),
     ColorModel {
         name: "spherical betas",
         coefficients: 1 + 2 * BETA_LOBES,
@@ -52,27 +53,22 @@ pub static MODELS: [ColorModel; 5] = [
         newton: false,
         ply_prefix: "sb_params_",
         // A lobe has six numbers: its color, then θ, φ and b.
-        ply_place: |i| (1 + 2 * (i % BETA_LOBES) + i / BETA_LOBES / 3, i / BETA_LOBES % 3),
+        ply_place: |i, _| (1 + 2 * (i % BETA_LOBES) + i / BETA_LOBES / 3, i / BETA_LOBES % 3),
         initial: initial_beta,
     },
 ];
 
-const fn harmonics(
-    name: &'static str,
-    degree: u32,
-    parts: &'static [u32],
-    ply_place: fn(usize) -> (usize, usize),
-) -> ColorModel {
+const fn harmonics(name: &'static str, parts: &'static [u32]) -> ColorModel {
     ColorModel {
         name,
-        coefficients: ((degree + 1) * (degree + 1)) as usize,
-        harmonics: Some(degree),
+        coefficients: parts.len() * parts.len(),
+        harmonics: Some(parts.len() as u32 - 1),
         parts,
         group: "SH",
         rate: 2.5e-3 / 20.0,
         newton: true,
         ply_prefix: "f_rest_",
-        ply_place,
+        ply_place: |i, count| (1 + i % count, i / count),
         initial: |_, _| [0.0; 3],
     }
 }
@@ -111,7 +107,7 @@ pub fn check(index: u32) -> Result<u32, String> {
 impl ColorModel {
     /// Whether coefficients beyond the constant mean the same in both models.
     pub fn shares_with(&self, other: &ColorModel) -> bool {
-        self.harmonics.is_some() == other.harmonics.is_some() && self.group == other.group
+        self.group == other.group
     }
 
     /// Returns the index of the part to render if `index` is asked for: the least that has as much, or all.
@@ -139,8 +135,8 @@ mod tests {
     #[test]
     fn every_number_has_one_ply_property() {
         for model in &MODELS {
-            let count = 3 * (model.coefficients - 1);
-            let mut places: Vec<_> = (0..count).map(model.ply_place).collect();
+            let (beyond, count) = (model.coefficients - 1, 3 * (model.coefficients - 1));
+            let mut places: Vec<_> = (0..count).map(|i| (model.ply_place)(i, beyond)).collect();
             places.sort_unstable();
             places.dedup();
             assert_eq!(places.len(), count, "{}", model.name);

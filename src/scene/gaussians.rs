@@ -44,6 +44,9 @@ impl Gaussians {
     /// Converts to another [color model](color::MODELS). Harmonics keep their common bands and gain bands of 0; between different models
     /// only the constant is kept.
     pub fn with_degree(self, sh_degree: u32) -> Gaussians {
+        if sh_degree == self.sh_degree {
+            return self;
+        }
         let (old, new) = (self.sh_coefficients(), layout::coefficients(sh_degree));
         let (from, to) = (color::of(self.sh_degree), color::of(sh_degree));
         let kept = if from.shares_with(to) { old } else { 1 };

@@ -36,7 +36,7 @@ fn format(name: &str) -> SceneFormat {
 }
 
 fn spz(version: u8) -> SceneFormat {
-    format("a.spz").in_version(version)
+    format("a.spz").in_version(version).unwrap()
 }
 
 /// Writes `scene` as a file with this ending and reads it; returns the result and the file's bytes.

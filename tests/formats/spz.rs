@@ -267,7 +267,7 @@ fn extensions_are_skipped_but_for_that_of_the_frame() {
 }
 
 /// Other readers show the base for them, because they skip the record. A direction has 15 bits a part, a width 16, a sharpness the 11 of
-/// float16.
+/// float16: half a step each, and float32's rounding.
 #[test]
 fn lobes_are_in_an_extension_that_other_readers_skip() {
     let scene = random_scene(7, 60, 20, 2);

@@ -28,7 +28,8 @@ for name, read in [("open3d", open3d_reads), ("pymeshlab", pymeshlab_reads)]:
     same = numbers > 0 and len(augmented) == len(base) and all(map(numpy.array_equal, augmented, base))
     failed |= not same
     print(f"{'the base' if same else 'NOT THE BASE'}  {name}: {numbers} numbers")
-prim = Usd.Stage.Open(sys.argv[3]).GetDefaultPrim()
+stage = Usd.Stage.Open(sys.argv[3])
+prim = stage.GetDefaultPrim()
 # The stage is y up and z back.
 positions = numpy.array(prim.GetAttribute("positions").Get()) * [1, -1, -1]
 same = numpy.array_equal(positions, open3d.t.io.read_point_cloud(sys.argv[2]).point.positions.numpy())

@@ -3,6 +3,8 @@
 //! All frames have the same three axes up to their signs. Flipping two axes is a rotation by 180° about the
 //! third, so it keeps the scene and rounds no number.
 
+use glam::DVec3;
+
 use crate::scene::{Gaussians, Lobes};
 
 /// Factor of each axis: 1 or −1.
@@ -52,6 +54,11 @@ pub(super) fn flip(gaussians: &mut Gaussians, signs: Signs) {
         let sign = of_harmonic(signs, i % k);
         *rgb = rgb.map(|v| v * sign);
     }
+}
+
+/// Flips an origin's axes; the world's if there is none. Adding 0 avoids −0.
+pub(super) fn flip_origin(origin: Option<DVec3>, signs: Signs) -> DVec3 {
+    DVec3::from_array(signs.map(f64::from)) * origin.unwrap_or_default() + DVec3::ZERO
 }
 
 /// Flips axes of lobes.

@@ -18,6 +18,22 @@ pub(super) fn room(count: usize, sh_degree: u32) -> Gaussians {
     gaussians
 }
 
+/// Appends `more`; both get the higher degree of harmonics.
+pub(super) fn append(all: &mut Option<Gaussians>, more: Gaussians) {
+    let Some(found) = all.take() else {
+        *all = Some(more);
+        return;
+    };
+    let degree = found.sh_degree.max(more.sh_degree);
+    let (mut found, more) = (found.with_degree(degree), more.with_degree(degree));
+    found.means.extend(more.means);
+    found.log_scales.extend(more.log_scales);
+    found.quats.extend(more.quats);
+    found.opacities.extend(more.opacities);
+    found.sh.extend(more.sh);
+    *all = Some(found);
+}
+
 /// Reads a little-endian float32.
 pub(super) fn f32_at(bytes: &[u8], at: usize) -> f32 {
     f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])

@@ -24,9 +24,10 @@ use serde_json::value::{RawValue, Value};
 pub(in crate::data) use write::write;
 
 use super::axes::{self, Signs};
+use super::common::append;
 use super::rotate::Placing;
 use super::{inflate, quantise, spz};
-use crate::data::{SceneFile, TrainedWith, ply_variants::far_origin};
+use crate::data::{SceneFile, TrainedWith};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 use document::Document;
@@ -381,12 +382,7 @@ impl Found {
     /// Transforms Gaussians from glTF's frame by their node, into PLY's frame. If the node is too far away
     /// for float32, their means are relative to its position.
     fn placed(&mut self, mut gaussians: Gaussians, placing: Placing) -> Gaussians {
-        let origin = self.origin.get_or_insert_with(|| {
-            let reach = |at: &[f32; 3]| placing.scale() * DVec3::from_array(at.map(f64::from)).length();
-            far_origin(placing.shift(), gaussians.means.iter().map(reach).collect())
-        });
-        placing.shifted(-*origin).apply(&mut gaussians);
-        axes::flip(&mut gaussians, X_LEFT_Y_UP);
+        placing.into_frame(&mut gaussians, &mut self.origin, X_LEFT_Y_UP);
         gaussians
     }
 
@@ -398,12 +394,8 @@ impl Found {
         };
         // If the shown and the trained base differ, raise both to the higher degree.
         let degree = shown.iter().fold(base.sh_degree, |degree, shown| degree.max(shown.sh_degree));
-        let (mut base, mut shown) = (base, shown);
-        raise(&mut base, degree);
-        shown.iter_mut().for_each(|shown| raise(shown, degree));
-        let flipped = DVec3::from_array(X_LEFT_Y_UP.map(f64::from)) * self.origin.unwrap_or_default();
-        // Avoids −0.
-        let origin = flipped + DVec3::ZERO;
+        let (base, shown) = (base.with_degree(degree), shown.map(|shown| shown.with_degree(degree)));
+        let origin = axes::flip_origin(self.origin, X_LEFT_Y_UP);
         let scene = Scene { base, supplement: self.supplement, origin };
         Ok(SceneFile { shown, trained_with: self.trained_with, ..scene.into() })
     }
@@ -415,32 +407,4 @@ fn attribute(attributes: &Attributes, name: &str) -> Result<usize, String> {
 
 fn same(name: &str, count: usize, expected: usize) -> Result<(), String> {
     if count == expected { Ok(()) } else { Err(format!("has {count} values of `{name}`, expected {expected}")) }
-}
-
-/// Raises Gaussians to this degree with coefficients of 0.
-fn raise(gaussians: &mut Gaussians, degree: u32) {
-    let before = gaussians.sh_coefficients();
-    if degree <= gaussians.sh_degree {
-        return;
-    }
-    gaussians.sh_degree = degree;
-    let k = gaussians.sh_coefficients();
-    let rows = gaussians.sh.chunks_exact(before);
-    gaussians.sh = rows.flat_map(|row| row.iter().copied().chain(std::iter::repeat_n([0.0; 3], k - before))).collect();
-}
-
-/// Appends `more`; both get the higher degree.
-fn append(all: &mut Option<Gaussians>, mut more: Gaussians) {
-    let Some(all) = all else {
-        *all = Some(more);
-        return;
-    };
-    let degree = all.sh_degree.max(more.sh_degree);
-    raise(all, degree);
-    raise(&mut more, degree);
-    all.means.extend(more.means);
-    all.log_scales.extend(more.log_scales);
-    all.quats.extend(more.quats);
-    all.opacities.extend(more.opacities);
-    all.sh.extend(more.sh);
 }

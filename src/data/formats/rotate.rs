@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
+use super::axes::{self, Signs};
+use crate::data::ply_variants::far_origin;
 use crate::scene::{Gaussians, Lobes};
 
 /// Tolerance for the columns of a matrix to be perpendicular and equally long.
@@ -32,19 +34,15 @@ impl Placing {
         })
     }
 
-    /// Image of the coordinate origin.
-    pub(super) fn shift(&self) -> DVec3 {
-        self.shift
-    }
-
-    /// Scale factor of lengths.
-    pub(super) fn scale(&self) -> f64 {
-        self.scale
-    }
-
-    /// Adds a translation.
-    pub(super) fn shifted(self, by: DVec3) -> Placing {
-        Placing { shift: self.shift + by, ..self }
+    /// Transforms Gaussians and flips their axes. If the first that come are too far away for float32, means are relative to their
+    /// place, which becomes `origin`.
+    pub(super) fn into_frame(self, gaussians: &mut Gaussians, origin: &mut Option<DVec3>, signs: Signs) {
+        let origin = origin.get_or_insert_with(|| {
+            let reach = |at: &[f32; 3]| self.scale * DVec3::from_array(at.map(f64::from)).length();
+            far_origin(self.shift, gaussians.means.iter().map(reach).collect())
+        });
+        Placing { shift: self.shift - *origin, ..self }.apply(gaussians);
+        axes::flip(gaussians, signs);
     }
 
     /// Transforms Gaussians; the identity changes no bit.

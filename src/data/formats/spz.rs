@@ -268,21 +268,25 @@ impl<'a> Extensions<'a> {
                 LOBES_EXTENSION => found.lobes = Some(payload),
                 // Settings that another program has damaged are no reason to refuse the scene.
                 SETTINGS_EXTENSION => found.settings = serde_json::from_slice(payload).unwrap_or_default(),
+                FRAME_EXTENSION => {
+                    found.frame = signs_of(payload.first_chunk().map(|&bytes| u32::from_le_bytes(bytes)))?
+                }
                 _ => {}
-            }
-            if kind == FRAME_EXTENSION {
-                let value = payload.first_chunk().map(|&bytes| u32::from_le_bytes(bytes));
-                found.frame = match value {
-                    Some(0) => Y_UP_Z_BACK,
-                    Some(system @ 1..=8) => {
-                        let bit = |i: u32| (system - 1) >> i & 1 == 1;
-                        [(0, true), (1, false), (2, true)].map(|(i, same)| if bit(i) == same { 1.0 } else { -1.0 })
-                    }
-                    value => return Err(format!("has a frame {value:?} in extension {kind:#x}, expected 0 to 8")),
-                };
             }
         }
         Ok(found)
+    }
+}
+
+/// Signs of the axes of Adobe's frame.
+fn signs_of(system: Option<u32>) -> Result<Signs, String> {
+    match system {
+        Some(0) => Ok(Y_UP_Z_BACK),
+        Some(system @ 1..=8) => {
+            let bit = |i: u32| (system - 1) >> i & 1 == 1;
+            Ok([(0, true), (1, false), (2, true)].map(|(i, same)| if bit(i) == same { 1.0 } else { -1.0 }))
+        }
+        system => Err(format!("has a frame {system:?} in extension {FRAME_EXTENSION:#x}, expected 0 to 8")),
     }
 }
 
@@ -326,6 +330,7 @@ fn pack_lobes(
     let mut out = Vec::new();
     for scene in [Some(gaussians), learned] {
         let bytes = scene.map_or(Ok(Vec::new()), |scene| pack(scene, VERSION, 0, &[], notes))?;
+        // A longer one makes the whole record too long, which the caller refuses.
         out.extend((bytes.len() as u32).to_le_bytes());
         out.extend(bytes);
     }
@@ -436,7 +441,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, version: Option<u8>)
     }
     let origin = Some(origin.to_array()).filter(|_| *origin != DVec3::ZERO);
     let settings = Settings { origin, glint: file.trained_with };
-    if settings != Settings::default() {
+    if version == VERSION && settings != Settings::default() {
         extend(SETTINGS_EXTENSION, &serde_json::to_vec(&settings).map_err(|error| refuse(error.to_string()))?)?;
     }
     let flags = if file.trained_with.antialiased == Some(true) { ANTIALIASED } else { 0 };
@@ -472,7 +477,6 @@ fn pack(
     let streams: Vec<&[u8]> = streams.iter().map(Vec::as_slice).filter(|stream| !stream.is_empty()).collect();
     let mut out = Vec::from(MAGIC);
     out.extend([u32::from(version), count].into_iter().flat_map(u32::to_le_bytes));
-    let extensions = if version < VERSION { &[] } else { extensions };
     let flags = flags | if extensions.is_empty() { 0 } else { HAS_EXTENSIONS };
     out.extend([gaussians.sh_degree as u8, fraction_bits, flags]);
     let fail = |error: std::io::Error| error.to_string();

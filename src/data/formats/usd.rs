@@ -14,10 +14,10 @@ use std::path::Path;
 use glam::{DMat4, DQuat, DVec3};
 
 use super::axes::{self, Y_UP_Z_BACK};
+use super::common::append;
 use super::quantise;
 use super::rotate::Placing;
 use crate::data::atomic::write_whole;
-use crate::data::ply_variants::far_origin;
 use crate::data::{SceneFile, TrainedWith};
 use crate::scene::{Gaussians, Scene};
 use crate::{Error, Result};
@@ -354,7 +354,7 @@ fn read(bytes: &[u8]) -> Result<SceneFile, String> {
         Some("Z") => DMat4::from_cols_array(&[1., 0., 0., 0., 0., 0., -1., 0., 0., 1., 0., 0., 0., 0., 0., 1.]),
         _ => DMat4::IDENTITY,
     };
-    let (mut found, mut notes) = (None::<(Gaussians, DVec3)>, Vec::new());
+    let (mut found, mut origin, mut notes) = (None, None, Vec::new());
     let mut trained_with = TrainedWith::default();
     let mut open: Vec<(&Prim, DMat4)> = root.children.iter().rev().map(|prim| (prim, up)).collect();
     while let Some((prim, above)) = open.pop() {
@@ -373,40 +373,16 @@ fn read(bytes: &[u8]) -> Result<SceneFile, String> {
             let json = json.and_then(|text| serde_json::from_str(&text).ok());
             trained_with = json.map(|json| TrainedWith::from_json(&json)).unwrap_or_default();
         }
-        let origin = found.as_ref().map_or_else(
-            || {
-                let reach = |at: &[f32; 3]| placing.scale() * DVec3::from_array(at.map(f64::from)).length();
-                far_origin(placing.shift(), gaussians.means.iter().map(reach).collect())
-            },
-            |(_, origin)| *origin,
-        );
-        placing.shifted(-origin).apply(&mut gaussians);
-        axes::flip(&mut gaussians, Y_UP_Z_BACK);
-        match &mut found {
-            None => found = Some((gaussians, origin)),
-            Some((all, _)) => append(all, gaussians),
-        }
+        placing.into_frame(&mut gaussians, &mut origin, Y_UP_Z_BACK);
+        append(&mut found, gaussians);
     }
-    let Some((base, origin)) = found else {
+    let Some(base) = found else {
         return Err(format!("has no prim `{PRIM}` (prims in files that it references are not read)"));
     };
-    // Adding 0 avoids −0.
-    let origin = DVec3::from_array(Y_UP_Z_BACK.map(f64::from)) * origin + DVec3::ZERO;
+    let origin = axes::flip_origin(origin, Y_UP_Z_BACK);
     notes.sort();
     notes.dedup();
     Ok(SceneFile { trained_with, notes, ..Scene { base, origin, ..Default::default() }.into() })
-}
-
-/// Appends `more`; both get the higher degree.
-fn append(all: &mut Gaussians, more: Gaussians) {
-    let degree = all.sh_degree.max(more.sh_degree);
-    *all = std::mem::take(all).with_degree(degree);
-    let more = more.with_degree(degree);
-    all.means.extend(more.means);
-    all.log_scales.extend(more.log_scales);
-    all.quats.extend(more.quats);
-    all.opacities.extend(more.opacities);
-    all.sh.extend(more.sh);
 }
 
 /// Writes the base as a prim `/scene`. Numbers are written so that reading gives the same float32.
@@ -414,7 +390,7 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
     let Scene { base, origin, .. } = &file.scene;
     let mut turned = base.clone();
     axes::flip(&mut turned, Y_UP_Z_BACK);
-    let at = DVec3::from_array(Y_UP_Z_BACK.map(f64::from)) * *origin;
+    let at = axes::flip_origin(Some(*origin), Y_UP_Z_BACK);
     let scales: Vec<[f32; 3]> = turned.log_scales.iter().map(|scales| scales.map(quantise::scale)).collect();
     let mut extent = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     for (mean, scales) in turned.means.iter().zip(&scales) {
