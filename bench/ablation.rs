@@ -5,8 +5,8 @@
 //! Every row starts from the same base and takes the same number of joint steps:
 //!
 //! - `more`: nothing is added, the base trains longer;
-//! - `plain`: plain Gaussians by pursuit; `lobes`: Gaussians with lobes only; `pursuit`: the kind with the
-//!   higher gain per byte;
+//! - `plain`: plain Gaussians by pursuit; `lobes`: Gaussians with lobes only; `both`: the kind with the
+//!   higher gain per byte; `bands`: bands only, for a base of constant colors; `pursuit`: all of these;
 //! - `auto`: the default of `glint enhance`: pursuit as long as a Gaussian gains more than longer training;
 //! - `augs`: the paper's placement and joint phase, with the rounds of the preset `quick`; `paper`: with its
 //!   own;
@@ -109,13 +109,14 @@ fn main() -> ExitCode {
 fn options_of(row: &str, args: &Args) -> Result<Option<EnhanceOptions>> {
     let mut options = match row {
         "more" => return Ok(None),
-        "plain" | "lobes" | "pursuit" | "auto" => EnhanceOptions::pursuit(),
+        "plain" | "lobes" | "both" | "bands" | "pursuit" | "auto" => EnhanceOptions::pursuit(),
         "augs" | "augs+" => EnhanceOptions::quick(),
         "paper" => EnhanceOptions::paper(),
         other => return Err(Error::Usage(format!("unknown row `{other}`"))),
     };
     options.ratio = args.ratio;
     options.join.steps_per_view = args.steps;
+    options.bands &= !matches!(row, "plain" | "lobes" | "both");
     match row {
         "plain" => options.pursuit.kinds = Kinds::Plain,
         "lobes" => options.pursuit.kinds = Kinds::Lobes,
@@ -190,6 +191,7 @@ struct Found {
     ssim: f64,
     lobes: u32,
     plain: u32,
+    banded: u32,
     /// Seconds before the joint phase, and in total.
     place: f64,
     seconds: f64,
@@ -236,7 +238,7 @@ fn run(args: &Args) -> Result<()> {
     }
     let before = judge(&session(0), &base, &held)?.augmented;
     let split = holdout.to_string();
-    let columns = ["row", "PSNR", "gain", "SSIM", "spread", "lobes", "plain", "place s", "all s"];
+    let columns = ["row", "PSNR", "gain", "SSIM", "spread", "lobes", "plain", "banded", "place s", "all s"];
     let mut table = Vec::new();
     let name = args.dataset.as_ref().map_or("built-in".into(), |path| path.display().to_string());
     if !args.json {
@@ -255,22 +257,25 @@ fn run(args: &Args) -> Result<()> {
         let mut found = Vec::new();
         for seed in (args.first_seed..).take(args.seeds as usize) {
             let (session, started) = (session(seed), Instant::now());
-            let (scene, lobes, plain, place) = match options {
+            let (scene, lobes, plain, banded, place) = match options {
                 None => {
                     let model = Model::upload_around(&context, views.origin, &base, Room::default())?;
                     join(&session, &model, &views, &join_all(args)?)?.run(&model, &views, false, |_| ())?;
-                    (model.download()?, 0, 0, 0.0)
+                    (model.download()?, 0, 0, 0, 0.0)
                 }
                 Some(mut options) => {
                     if let (Some(share), Method::Pursuit) = (args.byte_ratio, options.method) {
                         let bytes = share * scene_bytes(&base) as f64;
                         (options.ratio, options.bytes) = (MOST_BY_BYTES, Some(bytes as u64));
                     }
+                    if row == "bands" {
+                        options.ratio = 0.0;
+                    }
                     let done = enhance(&session, &base, &views, &options, |_| ())?;
                     let plain = done.placed.iter().map(|placed| placed.plain).sum();
                     let times = done.times;
-                    let place = (times.base + times.place + times.screen + times.lift).as_secs_f64();
-                    (done.scene, done.lifted, plain, place)
+                    let place = (times.base + times.bands + times.place + times.screen + times.lift).as_secs_f64();
+                    (done.scene, done.lifted, plain, done.promotion.gains.len() as u32, place)
                 }
             };
             let seconds = started.elapsed().as_secs_f64();
@@ -284,12 +289,12 @@ fn run(args: &Args) -> Result<()> {
                     json!({
                         "name": row, "dataset": name, "seed": seed, "holdout": split, "psnr": after.psnr, "ssim": after.ssim,
                         "base_psnr": before.psnr, "seconds": seconds, "place_seconds": place, "bytes": bytes,
-                        "gaussians": scene.base.len() + supplement, "steps_per_view": args.steps, "lobes": lobes, "plain": plain,
+                        "gaussians": scene.base.len() + supplement, "steps_per_view": args.steps, "lobes": lobes, "plain": plain, "banded": banded,
                         "views": by_view(&judged),
                     })
                 );
             }
-            found.push(Found { psnr: after.psnr, ssim: after.ssim, lobes, plain, place, seconds });
+            found.push(Found { psnr: after.psnr, ssim: after.ssim, lobes, plain, banded, place, seconds });
         }
         let mean = |of: fn(&Found) -> f64| found.iter().map(of).sum::<f64>() / found.len().max(1) as f64;
         let psnr = mean(|f| f.psnr);
@@ -302,21 +307,22 @@ fn run(args: &Args) -> Result<()> {
             most - least,
             mean(|f| f.lobes.into()),
             mean(|f| f.plain.into()),
+            mean(|f| f.banded.into()),
             mean(|f| f.place),
             mean(|f| f.seconds),
         ];
         table.push((row.clone(), row_values));
         if !args.json {
             let v = &table.last().unwrap().1;
-            eprintln!("{row}: {:+.2} dB, {:.1} s", v[1], v[7]);
+            eprintln!("{row}: {:+.2} dB, {:.1} s", v[1], v[8]);
         }
     }
     if !args.json {
         println!("{}", columns.join("\t"));
         for (row, v) in &table {
             println!(
-                "{row}\t{:.2}\t{:+.2}\t{:.4}\t{:.2}\t{:.0}\t{:.0}\t{:.1}\t{:.1}",
-                v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7]
+                "{row}\t{:.2}\t{:+.2}\t{:.4}\t{:.2}\t{:.0}\t{:.0}\t{:.0}\t{:.1}\t{:.1}",
+                v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8]
             );
         }
     }

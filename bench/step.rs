@@ -186,7 +186,7 @@ fn task(context: &Context, args: &Args) -> Result<Task> {
     let model = Model::upload_around(
         context,
         views.origin,
-        &Scene { base, supplement: None, origin: views.origin },
+        &Scene { base, origin: views.origin, ..Scene::default() },
         Room::default(),
     )?;
     Ok(Task { model, views, background: dataset.background, extent: dataset.extent() as f32 })

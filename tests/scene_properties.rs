@@ -61,9 +61,9 @@ fn scene() -> impl Strategy<Value = Scene> {
         let size = m.unwrap_or(0);
         let parts = (gaussians(n, degree), gaussians(size, lobe_degree), lobes(size));
         parts.prop_map(move |(base, gaussians, lobes)| Scene {
-            origin: glam::DVec3::ZERO,
             base,
             supplement: m.map(|_| Supplement { gaussians, lobes }),
+            ..Scene::default()
         })
     })
 }

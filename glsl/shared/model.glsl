@@ -19,7 +19,6 @@
 //   component of the unit quaternion is omitted: the largest, taken to be positive.
 // A part is a component in units of ROTATION_STEP, plus ROTATION_ZERO. If projection would cull a Gaussian for
 // its rotation or its scales, its packed opacity is NaN (`scene::layout::pack_geometry`).
-// draw for its rotation or its scales has an opacity that is not a number (`scene::layout::pack_geometry`).
 
 const uint MEAN = 0;           // 3 planes: x, y, z, scene units from the model's origin
 const uint OPACITY = 3;        // logit

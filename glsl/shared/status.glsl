@@ -10,6 +10,7 @@ const uint STATUS_NEEDED = 2; // and the words after it: the largest demand for 
 // Resources.
 const uint INTERSECTIONS = 0;         // of splats and tiles
 const uint BASE_GAUSSIANS = 1;        // the base's capacity
-const uint SUPPLEMENT_GAUSSIANS = 2;  // the supplement's capacity
-const uint RESOURCES = 3;
+const uint BANDED_GAUSSIANS = 2;      // the capacity of Gaussians with bands
+const uint SUPPLEMENT_GAUSSIANS = 3;  // the supplement's capacity
+const uint RESOURCES = 4;
 const uint NO_RESOURCE = 0xFFFFFFFFu; // for dispatch_args: the count always fits, so nothing is reported

@@ -125,7 +125,10 @@ pub struct View {
 }
 use crate::gpu::KernelInfo;
 /// Every kernel, by name.
-pub const ALL: [KernelInfo; 57] = [
+pub const ALL: [KernelInfo; 60] = [
+    KernelInfo::of::<bands_fit::Kernel>(),
+    KernelInfo::of::<bands_image::Kernel>(),
+    KernelInfo::of::<bands_look::Kernel>(),
     KernelInfo::of::<density_apply::Kernel>(),
     KernelInfo::of::<density_draw::Kernel>(),
     KernelInfo::of::<density_image::Kernel>(),
@@ -185,7 +188,54 @@ pub const ALL: [KernelInfo; 57] = [
     KernelInfo::of::<fma_rate::Kernel>(),
 ];
 /// The names of all stages.
-pub const NAMES: &[&str] = &["density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
+pub const NAMES: &[&str] = &["bands_fit", "bands_image", "bands_look", "density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
+kernel! {
+    /// `glsl/bands/bands_fit.comp`
+    bands_fit, Thread, subgroups false, barriers false, features [],
+    spirv "bands_fit.spv" "bands_fit.spv",
+    push { segment: u32, page_first: u32, stride: u32, view_count: u32, }
+    spec { 0 workgroup_size: u32, 10 sh_degree: u32, }
+    buffers {
+        Read population: u32 = 0b0,
+        Read views: View = 0b100011111111111111111111111,
+        Read geometry: [f32; 4] = 0b1111,
+        Read looks: [f32; 4] = 0b1111,
+        Write gains: f32 = 0b1,
+        Write fits: [f32; 3] = 0b111,
+    }
+}
+kernel! {
+    /// `glsl/bands/bands_image.comp`
+    bands_image, Thread, subgroups false, barriers false, features [],
+    spirv "bands_image.spv" "bands_image.spv",
+    push { frame: u32, }
+    spec { 0 workgroup_size: u32, 1 second: bool, }
+    buffers {
+        Read frames: Frame = 0b0,
+        Read image: [f32; 4] = 0b1111,
+        Read targets: u32 = 0b0,
+        Write image_grad: f32 = 0b1,
+    }
+}
+kernel! {
+    /// `glsl/bands/bands_look.comp`
+    bands_look, Thread, subgroups true, barriers false, features [ComputeFullSubgroups, SubgroupSizeControl],
+    spirv "bands_look.spv" "bands_look.software.spv",
+    push { segment: u32, page_first: u32, stride: u32, by_gaussian: u32, view: u32, }
+    spec { 0 workgroup_size: u32, 1 second: bool, 11 packed_records: bool, }
+    buffers {
+        Read population: u32 = 0b0,
+        Read status: u32 = 0b0,
+        Read tile_counts: u32 = 0b0,
+        Read first_slot: u32 = 0b0,
+        Read splat_colors: [f32; 3] = 0b111,
+        Read record_centres: [f32; 3] = 0b111,
+        Read record_shapes: [f32; 3] = 0b111,
+        Read record_colors: [f32; 3] = 0b111,
+        ReadWrite looks: [f32; 4] = 0b1111,
+        Read record_words: [u32; 4] = 0b0,
+    }
+}
 kernel! {
     /// `glsl/density/density_apply.comp`
     density_apply, Thread, subgroups false, barriers false, features [],
@@ -1105,6 +1155,12 @@ pub mod adam_one {
 #[doc = ""] pub const CURVATURE_DECAY: f32 = 0.95;
 #[doc = ""] pub const NEWTON_REACH: f32 = 3.0;
 }
+pub mod bands {
+#[doc = "blend weights of a view, summed over its pixels"] pub const LEAST_WEIGHT: f32 = 1e-3;
+#[doc = "of a channel"] pub const MOST_COLOR: f32 = 1e3;
+#[doc = "of the coefficients of bands, relative to the weights of all views"] pub const RIDGE: f32 = 0.0016;
+#[doc = "a view of more has no others to be told by, and gains nothing"] pub const MOST_LEVERAGE: f32 = 0.99;
+}
 pub mod betas {
 #[doc = "value of SH_DEGREE that selects betas"] pub const BETAS: u32 = 4;
 #[doc = "lobes of a Gaussian"] pub const BETA_LOBES: u32 = 2;
@@ -1175,8 +1231,9 @@ pub mod packed_splat {
 }
 pub mod population {
 #[doc = "segment"] pub const BASE: u32 = 0;
-#[doc = "segment"] pub const SUPPLEMENT: u32 = 1;
-#[doc = ""] pub const SEGMENTS: u32 = 2;
+#[doc = "segment: Gaussians of the base with bands, if the others have none"] pub const BANDED: u32 = 1;
+#[doc = "segment"] pub const SUPPLEMENT: u32 = 2;
+#[doc = ""] pub const SEGMENTS: u32 = 3;
 }
 pub mod pursuit {
 #[doc = ""] pub const LEVELS: u32 = 3;
@@ -1235,8 +1292,9 @@ pub mod status {
 #[doc = "and the words after it: the largest demand for each resource, see above"] pub const STATUS_NEEDED: u32 = 2;
 #[doc = "of splats and tiles"] pub const INTERSECTIONS: u32 = 0;
 #[doc = "the base's capacity"] pub const BASE_GAUSSIANS: u32 = 1;
-#[doc = "the supplement's capacity"] pub const SUPPLEMENT_GAUSSIANS: u32 = 2;
-#[doc = ""] pub const RESOURCES: u32 = 3;
+#[doc = "the capacity of Gaussians with bands"] pub const BANDED_GAUSSIANS: u32 = 2;
+#[doc = "the supplement's capacity"] pub const SUPPLEMENT_GAUSSIANS: u32 = 3;
+#[doc = ""] pub const RESOURCES: u32 = 4;
 #[doc = "for dispatch_args: the count always fits, so nothing is reported"] pub const NO_RESOURCE: u32 = 0xFFFFFFFF;
 }
 pub mod subgroup {

@@ -248,6 +248,7 @@ impl Scene {
             base: base.own().clone(),
             supplement: supplement.and_then(Gaussians::supplement).cloned(),
             origin: DVec3::from_array(origin),
+            ..scene::Scene::default()
         };
         check_scene(&scene)?;
         let trained_with = TrainedWith { background, antialiased, max_size, exposure: None };

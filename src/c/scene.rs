@@ -275,7 +275,7 @@ pub unsafe extern "C" fn glint_model_info(model: *const glint_model, out: *mut g
             let model = &of(model, "model")?.0;
             let counts = glint_model_counts {
                 size: size::<glint_model_counts>(),
-                base: model.count_of(Segment::Base),
+                base: model.base_count(),
                 supplement: model.count_of(Segment::Supplement),
                 capacity: model.capacity(),
                 sh_degree: model.sh_degree,

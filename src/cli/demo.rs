@@ -216,7 +216,7 @@ impl Args {
         let cloud = dataset.points.clone().unwrap_or_default();
         let (positions, points) = (cloud.around(views.origin), points.min(cloud.positions.len()));
         let base = from_points(&positions[..points], &cloud.colors[..points], SH_DEGREE);
-        let scene = Scene { base, supplement: None, origin: views.origin };
+        let scene = Scene { base, origin: views.origin, ..Scene::default() };
         let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
         let options = BaseOptions { iterations, sh_degree: SH_DEGREE, ..Default::default() };
         let bar = Progress::new("training", "steps", iterations.into());

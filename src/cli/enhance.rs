@@ -167,6 +167,7 @@ impl ChoiceArgs {
             ratio: preset.ratio,
             bytes: preset.bytes,
             weigh: preset.weigh,
+            bands: preset.bands,
         })
     }
 }
@@ -411,7 +412,7 @@ impl Args {
                 -change
             ));
             write_ply(&self.output, scene, None, trained_with)?;
-        } else if found.original.is_none() && known.base_alone.psnr < known.before.psnr {
+        } else if found.original.is_none() && !found.scene.mixed && known.base_alone.psnr < known.before.psnr {
             // On the training photos, the changed base alone was better.
             found.original = Some(scene.base.clone());
             known.base_alone = known.before;
@@ -447,7 +448,8 @@ impl Args {
             refined: found.refined,
             supplementary_gaussians: found.lifted,
             plain_gaussians: plain,
-            bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) },
+            banded_gaussians: found.promotion.gains.len() as u32,
+            bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) + found.promotion.bytes() },
             file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
             plan: found.spending.as_ref(),
             faded_gaussians: found.faded,
@@ -503,7 +505,7 @@ fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
             "the base's render of {lost} of {} photos is so far out of range that its loss is NaN; nothing was added for them",
             task.photos.len()
         ));
-    } else if found.lifted + plain == 0 {
+    } else if found.lifted + plain == 0 && found.promotion.gains.is_empty() {
         let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.below_training_on, p.beyond));
         note(match (below, beyond) {
             _ if budget == 0 => "nothing was added: the budget is less than one Gaussian",

@@ -162,6 +162,12 @@ fn scene_text(scene: &SceneSummary, trained_with: &TrainedWith) -> String {
             lines.add("scene", format_args!("{count}, {}, no supplement", scene.color))
         }
     }
+    if let Some(banded) = scene.banded {
+        lines.add(
+            "bands",
+            format_args!("{banded} of {} Gaussians of the base; the others have a constant color", scene.base.count),
+        );
+    }
     if let Some([x, y, z]) = scene.origin {
         lines.add("origin", format_args!("{x}, {y}, {z}: positions count from there"));
     }

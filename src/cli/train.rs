@@ -317,7 +317,7 @@ impl Args {
         if course.begins == 0.0 {
             control.begin(&mut base);
         }
-        let scene = Scene { base, supplement: None, origin: first.origin };
+        let scene = Scene { base, origin: first.origin, ..Scene::default() };
         let room = Room { base: control.limit.saturating_sub(course.first), ..Default::default() };
         let model = Model::upload_around(context, views.origin, &scene, room)?;
         let mut iterations = if self.time.is_some() { FIRST } else { self.iterations };

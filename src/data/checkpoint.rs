@@ -21,6 +21,8 @@ use crate::{Error, Result};
 /// Prefixes of the tensor names of a segment.
 pub const BASE: &str = "base";
 /// See [`BASE`].
+pub const BANDED: &str = "banded";
+/// See [`BASE`].
 pub const SUPPLEMENT: &str = "supplement";
 /// Suffixes of the tensor names: planes in the order of `scene::layout`, each with all Gaussians.
 pub const GEOMETRY: &str = "geometry";
@@ -87,7 +89,11 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
         }
     };
     let kept = Kept { tensors: &tensors, path };
-    let (base, _) = kept.segment(BASE, false)?;
+    let (mut base, _) = kept.segment(BASE, false)?;
+    let mixed = tensors.contains_key(&format!("{BANDED}.{GEOMETRY}"));
+    if mixed {
+        base.append(kept.segment(BANDED, false)?.0);
+    }
     let supplement = match tensors.contains_key(&format!("{SUPPLEMENT}.{GEOMETRY}")) {
         true => Some(kept.segment(SUPPLEMENT, true)?),
         false => None,
@@ -95,7 +101,7 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
     let supplement = supplement.map(|(gaussians, lobes)| Supplement { gaussians, lobes });
     let supplement = supplement.filter(|supplement| !supplement.gaussians.is_empty());
     let trained_with = TrainedWith::from_json(&about[TRAINED_WITH]);
-    Ok(SceneFile { trained_with, ..Scene { base, supplement, origin }.into() })
+    Ok(SceneFile { trained_with, ..Scene { base, supplement, mixed, origin }.into() })
 }
 
 /// The tensors of a checkpoint.
@@ -163,8 +169,13 @@ mod tests {
                 Tensor { shape: vec![planes, count], values: Values::F32(values) },
             );
         };
-        let segments = [Some((BASE, &scene.base)), scene.supplement.as_ref().map(|s| (SUPPLEMENT, &s.gaussians))];
-        for (segment, gaussians) in segments.into_iter().flatten() {
+        let constants = if scene.mixed { scene.base.constants() } else { scene.base.len() };
+        let [first, last] =
+            [0..constants, constants..scene.base.len()].map(|part| scene.base.reordered(&part.collect::<Vec<_>>()));
+        let first = if scene.mixed { first.with_degree(0) } else { first };
+        let banded = scene.mixed.then_some((BANDED, &last));
+        let supplement = scene.supplement.as_ref().map(|s| (SUPPLEMENT, &s.gaussians));
+        for (segment, gaussians) in [Some((BASE, &first)), banded, supplement].into_iter().flatten() {
             put(segment, GEOMETRY, GEOMETRY_PLANES, gaussians.len(), &|p, i| layout::geometry(gaussians, i)[p]);
             put(segment, SH, sh_planes(gaussians.sh_degree), gaussians.len(), &|p, i| layout::sh(gaussians, i, p));
         }
@@ -202,7 +213,11 @@ mod tests {
             assert_eq!(read(&tensors_of(&scene, DVec3::ZERO)), scene);
             // With another origin only the origin changes.
             let origin = DVec3::new(1e5, 0.0, -0.3);
-            assert_eq!(read(&tensors_of(&scene, origin)), Scene { origin, ..scene });
+            assert_eq!(read(&tensors_of(&scene, origin)), Scene { origin, ..scene.clone() });
+            let mut mixed = Scene { origin, mixed: true, ..scene };
+            let k = mixed.base.sh_coefficients();
+            mixed.base.sh.chunks_mut(k).take(3).for_each(|row| row[1..].fill([0.0; 3]));
+            assert_eq!(read(&tensors_of(&mixed, origin)), mixed);
         }
         // Without supplementary Gaussians there is no supplement.
         let none = Scene { supplement: Some(Supplement::default()), ..random_scene(1, 2, 0, 1) };

@@ -80,7 +80,7 @@ pub use photo::{
     Split,
 };
 #[cfg(feature = "train")]
-pub use ply_write::{gaussian_bytes, scene_bytes};
+pub use ply_write::{band_bytes, gaussian_bytes, scene_bytes};
 pub use points::{PointCloud, is_point_cloud, read_points};
 #[cfg(feature = "train")]
 pub use reduce::Reduce;

@@ -9,7 +9,9 @@
 //! If a base was trained together with its supplement, `vertex` is the original base, for other viewers. An
 //! element `learned` then has the changed properties, row by row, and after them the added plain Gaussians.
 //!
-//! Comments announce both elements (see `ply_format`), so that readers of a single element can open the file.
+//! If only some Gaussians have bands, `vertex` has constant colors, and an element `bands` the f_rest of its last Gaussians.
+//!
+//! Comments announce these elements (see `ply_format`), so that readers of a single element can open the file.
 //! Older files of glint declare them as ordinary elements; these are read too.
 
 use std::path::Path;
@@ -18,7 +20,7 @@ use glam::DVec3;
 
 #[cfg(feature = "formats")]
 use super::formats::packed_ply;
-use super::ply_columns::{BASE, LEARNED, Place, SUPPLEMENT, columns, number_mut};
+use super::ply_columns::{BANDS, BASE, LEARNED, Place, SUPPLEMENT, columns, number_mut};
 use super::ply_format::{Element, Ply};
 use super::ply_variants::{FILTER, filtered, origin_of_doubles, remarks};
 use super::scene_file::SceneFile;
@@ -76,6 +78,34 @@ impl Columns {
             return Err(format!("element `{LEARNED}` has {there} of {rest} properties `{prefix}*`"));
         }
         Ok(Columns { places, filter: None, plain: None, sh_degree, lobed: false })
+    }
+
+    /// Finds the columns of `bands`.
+    fn bands(element: &Element) -> Result<Columns, String> {
+        let scalars = || element.properties.iter().filter(|p| !p.is_list());
+        let sh_degree = degree_of(BANDS, |prefix| scalars().filter(|p| p.name.starts_with(prefix)).count())?;
+        let rest = columns(sh_degree, false).into_iter().filter(|(_, place)| place.is_rest());
+        let find = |(name, place): (String, Place)| {
+            let lacks = || format!("element `{BANDS}` lacks property `{name}`");
+            Ok((element.scalar(&name).ok_or_else(lacks)?, place))
+        };
+        let places = rest.map(find).collect::<Result<Vec<_>, String>>()?;
+        Ok(Columns { places, filter: None, plain: None, sh_degree, lobed: false })
+    }
+
+    /// Gives the last Gaussians of `base` their bands.
+    fn add(&self, rows: &[Vec<f64>], base: &mut Gaussians) -> Result<(), String> {
+        let (count, own) = (base.len(), color::of(base.sh_degree).name);
+        let Some(first) = count.checked_sub(rows.len()).filter(|_| base.sh_degree == 0) else {
+            return Err(format!(
+                "element `{BANDS}` has {} rows for {count} of `{BASE}` with {own}; expected no more, and constant colors",
+                rows.len()
+            ));
+        };
+        *base = std::mem::take(base).with_degree(self.sh_degree);
+        let mut no_lobes = Lobes::default();
+        rows.iter().enumerate().for_each(|(i, row)| self.set(row, DVec3::ZERO, base, &mut no_lobes, first + i));
+        Ok(())
     }
 
     /// Sets these columns of row `i`. Means are relative to `origin`.
@@ -159,7 +189,7 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
     let ply = Ply::parse(bytes, path)?;
     #[cfg(feature = "formats")]
     if packed_ply::is_packed(&ply) {
-        let scene = Scene { base: packed_ply::unpack(&ply, path)?, supplement: None, origin: ply.origin };
+        let scene = Scene { base: packed_ply::unpack(&ply, path)?, origin: ply.origin, ..Scene::default() };
         return Ok(SceneFile { trained_with: ply.trained_with, ..scene.into() });
     }
     if let Some(kind) = describe_non_splats(&ply) {
@@ -175,17 +205,23 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
     let learned_columns = ply.element(LEARNED).map(|element| Columns::learned(element, sh_degree));
     let learned_columns = learned_columns.transpose().map_err(fail)?;
 
+    if ply.element(LEARNED).is_some() && ply.element(BANDS).is_some() {
+        return Err(fail(format!("has the elements `{LEARNED}` and `{BANDS}`; expected one of them")));
+    }
+    let bands_columns = ply.element(BANDS).map(Columns::bands).transpose().map_err(fail)?;
+
     let mut base = Gaussians { sh_degree, ..Default::default() };
     let extra_degree = extra_columns.as_ref().map_or(sh_degree, |columns| columns.sh_degree);
     let mut extra = Gaussians { sh_degree: extra_degree, ..Default::default() };
     let mut lobes = Lobes::default();
-    let mut learned = Vec::new();
+    let (mut learned, mut bands) = (Vec::new(), Vec::new());
     ply.for_each_row(|element, _, values| {
         match (&element.name[..], &extra_columns) {
             (BASE, _) => base_columns.push(values, origin, &mut base, &mut Lobes::default()),
             (SUPPLEMENT, Some(columns)) => columns.push(values, origin, &mut extra, &mut lobes),
             // `learned` may come before `vertex`.
             (LEARNED, _) => learned.push(values.to_vec()),
+            (BANDS, _) => bands.push(values.to_vec()),
             _ => {}
         }
         Ok(())
@@ -205,7 +241,11 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
         columns.apply(&learned, origin, &mut base).map_err(fail)?;
     }
     let supplement = extra_columns.map(|_| Supplement { gaussians: extra, lobes });
-    let scene = Scene { base, supplement, origin: ply.origin + origin };
+    let mixed = bands_columns.is_some();
+    if let Some(columns) = bands_columns {
+        columns.add(&bands, &mut base).map_err(fail)?;
+    }
+    let scene = Scene { base, supplement, mixed, origin: ply.origin + origin };
     let mut notes = remarks(vertex);
     if origin != DVec3::ZERO {
         let [x, y, z] = scene.origin.to_array();

@@ -5,6 +5,7 @@ use crate::scene::{Gaussians, Lobes, color};
 pub(super) const BASE: &str = "vertex";
 pub(super) const SUPPLEMENT: &str = "augmented";
 pub(super) const LEARNED: &str = "learned";
+pub(super) const BANDS: &str = "bands";
 
 /// An empty list, for Gaussians without lobes.
 pub(super) static NO_LOBES: Lobes = Lobes { directions: Vec::new(), widths: Vec::new(), sharpness: Vec::new() };

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use super::atomic::write_whole;
-use super::ply_columns::{BASE, LEARNED, NO_LOBES, Place, SUPPLEMENT, columns, number};
+use super::ply_columns::{BANDS, BASE, LEARNED, NO_LOBES, Place, SUPPLEMENT, columns, number};
 use super::ply_format::write_comments;
 use super::scene_file::SceneFile;
 use super::trained_with::TrainedWith;
@@ -25,15 +25,22 @@ pub(super) fn write_file(file: &SceneFile, path: &Path, _: Option<u8>) -> Result
 }
 
 pub(super) fn write(path: &Path, shown: Option<&Gaussians>, scene: &Scene, trained_with: &TrainedWith) -> Result<()> {
-    let original = shown.unwrap_or(&scene.base);
+    let constant;
+    let (mut original, mut bands) = (shown.unwrap_or(&scene.base), None);
     if original.len() > scene.base.len() || original.sh_degree != scene.base.sh_degree {
         let what = "this scene cannot be written: it does not begin with the Gaussians of the original";
         return Err(Error::Usage(format!("{}: {what}", path.display())));
     }
+    let banded;
+    if scene.mixed && shown.is_none() {
+        (constant, banded) = parts_of(&scene.base);
+        original = &constant;
+        bands = (!banded.is_empty()).then(|| Rows::of(&banded, None, Place::is_rest));
+    }
     let vertex = Rows::whole(original, None);
     let learned = shown.and_then(|shown| Rows::changed(shown, &scene.base));
     let supplement = scene.supplement.as_ref().map(|s| Rows::whole(&s.gaussians, Some(&s.lobes)));
-    let elements = [(BASE, Some(vertex)), (SUPPLEMENT, supplement), (LEARNED, learned)];
+    let elements = [(BASE, Some(vertex)), (BANDS, bands), (SUPPLEMENT, supplement), (LEARNED, learned)];
     write_whole(path, |file| {
         writeln!(file, "ply\nformat binary_little_endian 1.0")?;
         write_comments(file, scene.origin, trained_with)?;
@@ -53,10 +60,28 @@ pub fn gaussian_bytes(sh_degree: u32, lobed: bool) -> u64 {
     4 * (columns(sh_degree, lobed).len() as u64 + normals)
 }
 
+/// Bytes of the bands of a Gaussian of a [mixed](Scene::mixed) scene.
+pub fn band_bytes(sh_degree: u32) -> u64 {
+    gaussian_bytes(sh_degree, false) - gaussian_bytes(0, false)
+}
+
+/// The base with constant colors, and its Gaussians with bands.
+fn parts_of(base: &Gaussians) -> (Gaussians, Gaussians) {
+    let banded: Vec<usize> = (base.constants()..base.len()).collect();
+    (base.clone().with_degree(0), base.reordered(&banded))
+}
+
 /// Size of the file of [`super::write_scene`] in bytes, without its header.
 pub fn scene_bytes(scene: &Scene) -> u64 {
     let of = |part: &Gaussians, lobed| part.len() as u64 * gaussian_bytes(part.sh_degree, lobed);
-    of(&scene.base, false) + scene.supplement.as_ref().map_or(0, |supplement| of(&supplement.gaussians, true))
+    let base = match scene.mixed {
+        true => {
+            let banded = scene.base.len() - scene.base.constants();
+            scene.base.len() as u64 * gaussian_bytes(0, false) + banded as u64 * band_bytes(scene.base.sh_degree)
+        }
+        false => of(&scene.base, false),
+    };
+    base + scene.supplement.as_ref().map_or(0, |supplement| of(&supplement.gaussians, true))
 }
 
 /// An element to write.

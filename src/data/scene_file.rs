@@ -37,7 +37,7 @@ impl SceneFile {
     /// Drops the supplement: keeps the base that other viewers show.
     pub fn into_base(self) -> SceneFile {
         let origin = self.scene.origin;
-        let scene = Scene { base: self.shown.unwrap_or(self.scene.base), supplement: None, origin };
+        let scene = Scene { base: self.shown.unwrap_or(self.scene.base), origin, ..Scene::default() };
         SceneFile { trained_with: self.trained_with, ..scene.into() }
     }
 }

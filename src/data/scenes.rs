@@ -81,7 +81,7 @@ pub fn write_scene_file(path: impl AsRef<Path>, file: &SceneFile) -> Result<Vec<
 pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneFile) -> Result<Vec<String>> {
     let path = path.as_ref();
     let refuse = |what: String| Err(Error::Usage(format!("{}: {what}", path.display())));
-    let Scene { base, supplement, origin } = &file.scene;
+    let Scene { base, supplement, origin, .. } = &file.scene;
     if let (Some(supplement), false) = (supplement, format.keeps_lobes) {
         let lost = supplement.gaussians.len();
         return refuse(format!("this format has no place for the scene's {lost} Gaussians with lobes"));

@@ -10,6 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
+    bands::{Bands, Promotion},
     checkpoint::Checkpoint,
     join::{JoinOptions, course, join_for},
     learn::NEWTON_PART,
@@ -57,6 +58,8 @@ pub struct EnhanceOptions {
     pub bytes: Option<u64>,
     /// [`Method::Pursuit`]: whether placement is weighed against longer training.
     pub weigh: Weigh,
+    /// [`Method::Pursuit`]: whether Gaussians of a base of constant colors get bands where these gain more per byte than what is placed.
+    pub bands: bool,
     /// [`Method::Augs`]: rounds and steps of the screen phase.
     pub schedule: Schedule,
     /// [`Method::Augs`]: options of inverse splatting.
@@ -74,6 +77,7 @@ impl EnhanceOptions {
     pub fn pursuit() -> Self {
         EnhanceOptions {
             method: Method::Pursuit,
+            bands: true,
             join: JoinOptions {
                 everything: true,
                 pace: 2.0,
@@ -93,6 +97,7 @@ impl EnhanceOptions {
             ratio: 0.1,
             bytes: None,
             weigh: Weigh::Not,
+            bands: false,
             schedule: Schedule::PAPER,
             lift: LiftOptions::default(),
             join: JoinOptions::default(),
@@ -132,6 +137,8 @@ pub enum Event {
     Batch { batch: usize, batches: usize, views: Range<usize> },
     /// The views of the batch are being refined in image space.
     Screen { batch: usize, batches: usize, progress: screen::Progress },
+    /// What bands would gain is being measured.
+    Bands { step: u32, steps: u32 },
     /// The base is being trained for a short time, to measure the gain.
     Weigh { step: u32, steps: u32 },
     /// The time of a step is known: [`Enhancer::take_steps`] may now set the length of the joint phase.
@@ -152,6 +159,8 @@ pub enum Event {
 pub struct Times {
     /// Rendering the base and computing its losses.
     pub base: Duration,
+    /// Measuring what bands would gain.
+    pub bands: Duration,
     /// Measuring the gain of longer training.
     pub weigh: Duration,
     /// Placement, by [`Method::Pursuit`].
@@ -167,7 +176,7 @@ pub struct Times {
 /// Result of an augmentation.
 #[derive(Debug, Default)]
 pub struct Enhanced {
-    /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own.
+    /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own, and those with bands follow them.
     pub scene: Scene,
     /// The original base, if the trained one is worse without the supplement: other viewers should show this
     /// one.
@@ -188,6 +197,8 @@ pub struct Enhanced {
     pub times: Times,
     /// Result of each placement of [`Method::Pursuit`].
     pub placed: Vec<Placed>,
+    /// The Gaussians that got bands.
+    pub promotion: Promotion,
     /// The plan that was followed, by [`Method::Pursuit`].
     pub spending: Option<Spending>,
     /// Total steps of the joint phase.
@@ -205,6 +216,7 @@ struct Pilot {
 /// The next stage.
 enum Next {
     Base,
+    Bands(Box<Bands>),
     Weigh(Box<Pilot>),
     /// Pursuit places Gaussians; with a trainer, the joint phase then resumes.
     Place(Option<Box<Trainer>>),
@@ -225,6 +237,8 @@ pub struct Enhancer {
     renderer: Renderer,
     refiner: Option<Refiner>,
     pursuit: Option<Pursuit>,
+    /// What bands gain, until the plan is made.
+    bands: Option<Box<Bands>>,
     original: Gaussians,
     /// The trained base is worse than the original.
     worse_alone: bool,
@@ -256,13 +270,6 @@ impl Enhancer {
         if colors.harmonics.is_none() {
             return Err(Error::Usage(format!("the base has {}, expected harmonics", colors.name)));
         }
-        let render = RenderOptions {
-            depth: true,
-            centre_depth: options.centre_depth,
-            median_threshold: options.median_threshold,
-            policy: session.policy,
-            ..Default::default()
-        };
         let allowance = options.allowance(&scene.base);
         let room = match options.method {
             Method::Pursuit => {
@@ -275,13 +282,14 @@ impl Enhancer {
         };
         let model = Model::upload_around(&session.context, views.origin, scene, room)?;
         Ok(Enhancer {
-            renderer: Renderer::new(&session.context, Needs::of(&model), views, render)?,
+            renderer: renderer_of(session, &model, views, options)?,
             lift: LiftPhase::new(&session.context, options.lift)?,
             session: session.clone(),
             options: *options,
             model,
             refiner: None,
             pursuit: None,
+            bands: None,
             original: scene.base.clone(),
             worse_alone: false,
             next: Next::Base,
@@ -311,6 +319,7 @@ impl Enhancer {
             let event = match (&self.next, self.options.method) {
                 (Next::Base, Method::Pursuit) => self.look(views, started),
                 (Next::Base, Method::Augs) => self.share_out(views, started),
+                (Next::Bands(_), _) => self.find_bands(views, started),
                 (Next::Weigh(_), _) => self.weigh(views, started),
                 (Next::Place(_), _) => self.place(views, started),
                 (Next::Begin, _) => {
@@ -338,16 +347,78 @@ impl Enhancer {
         if self.allowance.bytes.is_some() {
             pursuit.charge(self.allowance.prices());
         }
-        self.next = if self.options.weigh == Weigh::Not || most == 0 {
-            let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
-            pursuit.start_within(gaussians, bytes)?;
-            Next::Place(None)
-        } else {
-            Next::Weigh(Box::new(self.pilot(views)?))
-        };
         self.pursuit = Some(pursuit);
+        self.next = match self.options.bands && self.original.sh_degree == 0 {
+            true => Next::Bands(Box::new(Bands::new(&self.session, &self.base(), views)?)),
+            false => self.begin_placing(views)?,
+        };
         self.found.times.base = started.elapsed();
         Ok(Some(Event::Base))
+    }
+
+    fn find_bands(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
+        let Next::Bands(bands) = &mut self.next else { return self.end() };
+        let advanced = bands.advance(views)?;
+        self.found.times.bands += started.elapsed();
+        if let Some([step, steps]) = advanced {
+            return Ok(Some(Event::Bands { step, steps }));
+        }
+        let next = self.begin_placing(views)?;
+        if let Next::Bands(bands) = std::mem::replace(&mut self.next, next) {
+            self.bands = Some(bands);
+        }
+        Ok(None)
+    }
+
+    /// The trial of longer training if there is one, else the first placement.
+    fn begin_placing(&mut self, views: &Views) -> Result<Next> {
+        let [lobes, plain] = self.allowance.most();
+        if self.options.weigh != Weigh::Not && lobes.max(plain) > 0 {
+            return Ok(Next::Weigh(Box::new(self.pilot(views)?)));
+        }
+        let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
+        if let Some(pursuit) = &mut self.pursuit {
+            pursuit.start_within(gaussians, bytes)?;
+        }
+        Ok(Next::Place(None))
+    }
+
+    /// The original base as a scene.
+    fn base(&self) -> Scene {
+        Scene { base: self.original.clone(), origin: self.model.scene_origin, ..Scene::default() }
+    }
+
+    /// Gives bands to the Gaussians that gain more by them, per byte, than the last placed Gaussian, as far as bytes are left.
+    fn promote(&mut self, views: &Views, placed: &Placed, least_gain: f32) -> Result<()> {
+        let Some(bands) = self.bands.take() else { return Ok(()) };
+        let [lobe, plain] = self.allowance.prices();
+        let price = |lift: &Lift| if lift.lobe_width > 0.0 { lobe } else { plain };
+        let last = placed.lifts.last().zip(placed.gains.last());
+        let least =
+            last.map_or(f64::from(least_gain) / plain as f64, |(lift, &gain)| f64::from(gain) / price(lift) as f64);
+        let taken = self.allowance.taken(placed.plain, placed.lobes);
+        // A limit in Gaussians stands for the bytes of as many plain ones.
+        let bytes = self.allowance.bytes.unwrap_or(u64::from(self.allowance.gaussians) * plain);
+        let most = bytes.saturating_sub(taken);
+        let promotion = bands.choose(most, least);
+        if promotion.gains.is_empty() {
+            return Ok(());
+        }
+        let mut scene = self.model.download()?;
+        (scene.base, scene.mixed) = (bands.promoted(&scene.base, &promotion), true);
+        let room = |segment| self.model.part(segment).capacity() - self.model.count_of(segment);
+        let supplement = self.model.part(Segment::Supplement);
+        let room = Room {
+            base: room(Segment::Base),
+            supplement: room(Segment::Supplement),
+            supplement_degree: Some(supplement.sh_degree),
+            ..Room::default()
+        };
+        self.model = Model::upload_around(&self.session.context, views.origin, &scene, room)?;
+        self.renderer = renderer_of(&self.session, &self.model, views, &self.options)?;
+        self.allowance.bytes = self.allowance.bytes.map(|bytes| bytes - promotion.bytes());
+        self.found.promotion = promotion;
+        Ok(())
     }
 
     fn weigh(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
@@ -385,17 +456,16 @@ impl Enhancer {
             return Ok(Some(Event::Place(progress)));
         }
         let joining = joining.take();
-        self.found.placed.push(pursuit.placed()?);
+        let placed = pursuit.placed()?;
         self.model.learn_counts()?;
+        self.found.placed.push(placed.clone());
         let Some(trainer) = joining else {
             let placements = self.options.pursuit.placements.max(1);
-            self.found.spending = Some(Spending::new(
-                &self.allowance,
-                [placements, self.found.steps],
-                &pursuit.choice()?,
-                pursuit.least_gain(),
-                self.training_on.as_ref(),
-            ));
+            let (choice, least) = (pursuit.choice()?, pursuit.least_gain());
+            let steps = [placements, self.found.steps];
+            let spending = Spending::new(&self.allowance, steps, &choice, least, self.training_on.as_ref());
+            self.promote(views, &placed, least)?;
+            self.found.spending = Some(spending.with_bands(&self.found.promotion, &choice));
             self.next = Next::Begin;
             return Ok(Some(Event::Planned));
         };
@@ -465,7 +535,7 @@ impl Enhancer {
         if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
             // Faded Gaussians are removed at the end, so more can be placed now.
             let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
-            let plain = self.model.count_of(Segment::Base) - self.original.len() as u32;
+            let plain = self.model.base_count() - self.original.len() as u32;
             let lobes = self.model.count_of(Segment::Supplement);
             let room = self.model.part(Segment::Supplement).capacity().saturating_sub(lobes);
             let (gaussians, bytes) = self.allowance.left([done, placements], plain, lobes - faded);
@@ -618,14 +688,10 @@ impl Enhancer {
             supplement.retain(|i| keep[i]);
         }
         scene.supplement = scene.supplement.filter(|s| !s.gaussians.is_empty());
+        // Other viewers show a mixed scene's constant colors.
+        let original = (self.worse_alone && !scene.mixed).then_some(self.original);
         let left = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32);
-        Ok(Enhanced {
-            scene,
-            original: self.worse_alone.then_some(self.original),
-            lifted: left,
-            faded: lifted - left,
-            ..self.found
-        })
+        Ok(Enhanced { scene, original, lifted: left, faded: lifted - left, ..self.found })
     }
 
     /// The number of batches, and the views of one.
@@ -637,8 +703,7 @@ impl Enhancer {
     /// A trainer on a copy of the base, for some passes over the photographs; rates fall as in the joint
     /// phase.
     fn pilot(&self, views: &Views) -> Result<Pilot> {
-        let base = Scene { base: self.original.clone(), supplement: None, origin: self.model.scene_origin };
-        let model = Model::upload_around(&self.session.context, views.origin, &base, Room::default())?;
+        let model = Model::upload_around(&self.session.context, views.origin, &self.base(), Room::default())?;
         // Without bias correction, Adam's moments would not settle in such a short run.
         let options = JoinOptions { bias_correction: true, steps_per_view: TRIAL_PASSES, ..self.options.join };
         let steps = TRIAL_PASSES * views.cameras.len() as u32;
@@ -657,7 +722,7 @@ impl Enhancer {
     }
 
     fn begin_join(&self, views: &Views) -> Result<Next> {
-        if self.model.count() == self.original.len() as u32 {
+        if self.model.count() == self.original.len() as u32 && self.found.promotion.gains.is_empty() {
             return Ok(Next::Done);
         }
         let mut trainer = join_for(&self.session, &self.model, views, &self.options.join, self.found.steps)?;
@@ -667,6 +732,18 @@ impl Enhancer {
         trainer.start(true)?;
         Ok(Next::Join(Box::new(trainer)))
     }
+}
+
+/// A renderer of the base, with depth.
+fn renderer_of(session: &Session, model: &Model, views: &Views, options: &EnhanceOptions) -> Result<Renderer> {
+    let render = RenderOptions {
+        depth: true,
+        centre_depth: options.centre_depth,
+        median_threshold: options.median_threshold,
+        policy: session.policy,
+        ..Default::default()
+    };
+    Ok(Renderer::new(&session.context, Needs::of(model), views, render)?)
 }
 
 /// The maximum opacity of each Gaussian over all `views`, lobe included. Means are relative to `origin`.

@@ -67,31 +67,22 @@ impl JoinOptions {
         Rates { newton: self.newton * left, ..rates.times(self.pace * left) }
     }
 
-    /// Lessons of base and supplement.
-    pub fn lessons(&self, session: &Session) -> [Lesson; 2] {
+    /// Lessons of the segments of `model`.
+    pub fn lessons(&self, session: &Session, model: &Model) -> Vec<Lesson> {
         let bias_correction = self.bias_correction;
         let Policy { compensate, packed, .. } = session.policy;
         let newton = self.newton > 0.0 && self.everything;
-        [
-            Lesson {
-                segment: Segment::Base,
-                opacity_only: !self.everything,
-                sparse: true,
-                bias_correction,
-                compensate,
-                packed,
-                newton,
-            },
-            Lesson {
-                segment: Segment::Supplement,
-                opacity_only: false,
-                sparse: false,
-                bias_correction,
-                compensate,
-                packed,
-                newton,
-            },
-        ]
+        let lesson = |segment: Segment| Lesson {
+            segment,
+            opacity_only: !segment.has_lobes() && !self.everything,
+            sparse: !segment.has_lobes(),
+            bias_correction,
+            compensate,
+            packed,
+            newton,
+        };
+        let segments = Segment::ALL.into_iter().filter(|&segment| segment != Segment::Banded || model.has(segment));
+        segments.map(lesson).collect()
     }
 }
 
@@ -103,7 +94,7 @@ pub fn join(session: &Session, model: &Model, views: &Views, options: &JoinOptio
 /// [`join`] with a total of `steps` steps.
 pub fn join_for(session: &Session, model: &Model, views: &Views, options: &JoinOptions, steps: u32) -> Result<Trainer> {
     let (schedule, plan) = course(session, model, views, options, steps);
-    Trainer::new(session, model, views, &options.lessons(session), schedule, 1, plan)
+    Trainer::new(session, model, views, &options.lessons(session, model), schedule, 1, plan)
 }
 
 /// The schedule of views for a joint phase of `steps` steps, and the plan of each step.

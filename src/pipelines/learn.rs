@@ -161,7 +161,7 @@ impl Beside {
         // Frozen parameters have none.
         let (geometry, sh, lobes) = match (lesson.opacity_only, lesson.segment) {
             (true, _) => (opacity, 0, 0),
-            (false, Segment::Base) => (geometry, sh, 0),
+            (false, Segment::Base | Segment::Banded) => (geometry, sh, 0),
             (false, Segment::Supplement) => (geometry, sh, lobes),
         };
         let pages = &model.part(lesson.segment).pages;
@@ -221,7 +221,7 @@ impl Learner {
     /// `accumulate` enables steps that see several views.
     pub fn new(model: &Model, lesson: Lesson, accumulate: bool) -> Result<Self, GpuError> {
         let context = model.context();
-        let has_lobes = lesson.segment == Segment::Supplement;
+        let has_lobes = lesson.segment.has_lobes();
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
         // Frozen segments do not read their colors.
         let degrees = if opacity_only { &[0] } else { color::of(model.part(lesson.segment).sh_degree).parts };

@@ -127,7 +127,7 @@ pub struct Flat<'a> {
 /// Appends lifts to a segment.
 pub struct Append {
     scan: Scan,
-    /// One stage per segment.
+    /// Without lobes and with.
     stages: [lift_append::Stage; 2],
 }
 
@@ -173,7 +173,7 @@ impl Append {
         self.scan.record(recorder, &buffers, extent, total_index);
         let part = model.part(segment);
         for (k, _, page) in model.pages(segment) {
-            self.stages[segment as usize].record(
+            self.stages[usize::from(segment.has_lobes())].record(
                 recorder,
                 &lift_append::Buffers {
                     lifts,

@@ -1,6 +1,8 @@
 //! Pipelines: record stages in order, on their buffers, and decide when the host reads results.
 
 #[cfg(feature = "train")]
+pub mod bands;
+#[cfg(feature = "train")]
 pub mod checkpoint;
 #[cfg(feature = "train")]
 pub mod density;

@@ -1,6 +1,9 @@
-//! A scene on the device: base and supplement as segments of pages, and the number of Gaussians in each.
+//! A scene on the device: its segments, each in pages, and the number of Gaussians in each.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::{
+    ops::Range,
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 use glam::DVec3;
 
@@ -26,18 +29,35 @@ use crate::{
     },
 };
 
-/// The two parts of a scene.
+/// The parts of a scene whose Gaussians have the same parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Segment {
-    /// The Gaussians that every viewer shows.
+    /// The Gaussians that every viewer shows; in a [mixed](Scene::mixed) scene those with a constant color.
     Base = population::BASE as isize,
+    /// The Gaussians of the base whose color depends on the direction, in a [mixed](Scene::mixed) scene.
+    Banded = population::BANDED as isize,
     /// Gaussians with lobes.
     Supplement = population::SUPPLEMENT as isize,
 }
 
 impl Segment {
     /// In the order of the Gaussian index.
-    pub const ALL: [Segment; population::SEGMENTS as usize] = [Segment::Base, Segment::Supplement];
+    pub const ALL: [Segment; SEGMENTS] = [Segment::Base, Segment::Banded, Segment::Supplement];
+
+    /// The segments up to this one, with all of the base.
+    pub fn upto(self) -> impl Iterator<Item = Segment> {
+        Self::ALL.into_iter().take(self.last() as usize + 1)
+    }
+
+    /// The last of [`Segment::upto`].
+    pub fn last(self) -> Segment {
+        if self == Segment::Base { Segment::Banded } else { self }
+    }
+
+    /// Whether its Gaussians have lobes.
+    pub fn has_lobes(self) -> bool {
+        self == Segment::Supplement
+    }
 
     /// The segment's index in kernels.
     pub fn index(self) -> u32 {
@@ -48,10 +68,14 @@ impl Segment {
     pub fn resource(self) -> Resource {
         match self {
             Segment::Base => Resource::BaseGaussians,
+            Segment::Banded => Resource::BandedGaussians,
             Segment::Supplement => Resource::SupplementGaussians,
         }
     }
 }
+
+/// Number of segments.
+pub const SEGMENTS: usize = population::SEGMENTS as usize;
 
 /// A page of planes, four to a quad: see `glsl/shared/model.glsl`.
 type Quads = Buffer<[f32; 4]>;
@@ -144,7 +168,7 @@ pub struct Part {
     pub geometry: Planes,
     /// Color.
     pub sh: Planes,
-    /// Lobes; empty for the base.
+    /// Lobes; only of the supplement.
     pub lobes: Planes,
     /// Degree of the harmonics, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
@@ -178,15 +202,22 @@ pub struct Room {
 
 impl Room {
     /// Capacities of the segments of a model that starts with these counts.
-    fn capacities(&self, counts: [u32; 2]) -> [u32; 2] {
+    pub(super) fn capacities(&self, [base, banded, supplement]: [u32; SEGMENTS]) -> [u32; SEGMENTS] {
         // An empty base still has a page: its first Gaussian writes the pixels without a Gaussian.
-        [counts[0].saturating_add(self.base).max(1), counts[1].saturating_add(self.supplement)]
+        [base.saturating_add(self.base).max(1), banded, supplement.saturating_add(self.supplement)]
+    }
+
+    /// Number of Gaussians in each segment.
+    pub(super) fn counts(scene: &Scene) -> [u32; SEGMENTS] {
+        let constants = if scene.mixed { scene.base.constants() } else { scene.base.len() };
+        let supplement = scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len());
+        [constants, scene.base.len() - constants, supplement].map(|count| count as u32)
     }
 
     /// Numbers of planes: of geometry, harmonics and lobes.
     fn planes(&self, segment: Segment, sh_degree: u32) -> [usize; 3] {
         let sh = layout::sh_planes(sh_degree);
-        let lobes = if segment == Segment::Base { 0 } else { LOBE_PLANES };
+        let lobes = if segment.has_lobes() { LOBE_PLANES } else { 0 };
         match self.half {
             true => [HALF_GEOMETRY_PLANES, sh.div_ceil(2), lobes],
             false => [GEOMETRY_PLANES, sh, lobes],
@@ -199,10 +230,17 @@ impl Room {
     }
 
     /// Degrees of the harmonics of each segment.
-    fn degrees(&self, scene: &Scene) -> [u32; 2] {
-        let base = scene.base.sh_degree;
+    fn degrees(&self, scene: &Scene) -> [u32; SEGMENTS] {
+        let banded = scene.base.sh_degree;
         let of = |supplement: &Supplement| supplement.gaussians.sh_degree;
-        [base, scene.supplement.as_ref().map(of).or(self.supplement_degree).unwrap_or(base)]
+        let supplement = scene.supplement.as_ref().map(of).or(self.supplement_degree).unwrap_or(banded);
+        [if scene.mixed { 0 } else { banded }, banded, supplement]
+    }
+
+    /// The highest degree of a segment that has room.
+    fn degree(&self, scene: &Scene) -> u32 {
+        let room = self.degrees(scene).into_iter().zip(self.capacities(Self::counts(scene)));
+        room.filter(|&(_, capacity)| capacity > 0).map(|(degree, _)| degree).max().unwrap_or(0)
     }
 
     /// Maximum number of Gaussians per page.
@@ -215,16 +253,19 @@ impl Room {
 }
 
 /// Debug names of each segment's planes.
-const NAMES: [[&str; 3]; 2] =
-    [["geometry", "sh", "lobes"], ["supplement geometry", "supplement sh", "supplement lobes"]];
+const NAMES: [[&str; 3]; SEGMENTS] = [
+    ["geometry", "sh", "lobes"],
+    ["banded geometry", "banded sh", "banded lobes"],
+    ["supplement geometry", "supplement sh", "supplement lobes"],
+];
 
 /// A scene's segments on the device. Their counts live on the device: stages may change them, and later
 /// dispatches read them. Recorded commands keep the model's buffers (see [`Kept`](crate::gpu::Kept)), so it
 /// may be dropped before they have run.
 pub struct Model {
     context: Context,
-    parts: [Part; 2],
-    /// The higher degree of both segments, 0 to 3, or [`BETAS`](color::BETAS).
+    parts: [Part; SEGMENTS],
+    /// The highest degree of the segments that have room, 0 to 3, or [`BETAS`](color::BETAS).
     pub sh_degree: u32,
     /// World position of the device's coordinate origin; means are relative to it.
     pub origin: DVec3,
@@ -232,7 +273,7 @@ pub struct Model {
     pub(crate) scene_origin: DVec3,
     page_limit: u32,
     /// Last counts of each segment known to the host, see [`Model::learn_counts`].
-    known: [u32; 2],
+    known: [u32; SEGMENTS],
     /// Start of each segment in the Gaussian index, and the total number of Gaussians.
     pub population: Buffer<u32>,
     /// Dispatches over each page, then over the blocks of all Gaussians up to the end of each segment.
@@ -256,8 +297,8 @@ impl Model {
     /// Buffers of a model of `scene` on a device.
     pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
         let degrees = room.degrees(scene);
-        let capacities = room.capacities(counts_of(scene));
-        let limit = room.page_limit(device, degrees[0].max(degrees[1]));
+        let capacities = room.capacities(Room::counts(scene));
+        let limit = room.page_limit(device, room.degree(scene));
         let page_count: usize = capacities.iter().map(|capacity| capacity.div_ceil(limit) as usize).sum();
         let planned = |name, elements: u64, element_bytes| Planned { name, elements, element_bytes };
         let mut plan = Plan::default();
@@ -279,9 +320,9 @@ impl Model {
     /// Uploads `scene` with coordinates relative to `origin`, the origin of the views. Waits.
     pub fn upload_around(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         let mut model = Self::allocate(context, origin, scene, room)?;
-        for (part, (gaussians, lobes)) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
+        for (part, content) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
             for k in 0..part.pages.len() {
-                for (planes, values) in part.values(k, gaussians, lobes, origin - scene.origin) {
+                for (planes, values) in part.values(k, &content, origin - scene.origin) {
                     planes.upload(0, &values)?;
                 }
             }
@@ -294,9 +335,8 @@ impl Model {
     /// Makes all buffers of a model, without contents. Submits nothing.
     fn allocate(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         lengths(scene).map_err(|what| Error::Usage(format!("a scene: {what}")))?;
-        let degrees = room.degrees(scene);
-        let sh_degree = degrees[0].max(degrees[1]);
-        let counts = counts_of(scene);
+        let (degrees, sh_degree) = (room.degrees(scene), room.degree(scene));
+        let counts = Room::counts(scene);
         let page_limit = room.page_limit(context.info(), sh_degree);
         let part = |segment: Segment, capacity: u32| -> Result<Part, GpuError> {
             let sh_degree = degrees[segment as usize];
@@ -312,12 +352,15 @@ impl Model {
             part.reserve(context, segment, capacity, page_limit)?;
             Ok(part)
         };
-        let [base, supplement] = room.capacities(counts);
-        if base.checked_add(supplement).is_none() {
+        let capacities = room.capacities(counts);
+        if capacities.into_iter().try_fold(0, u32::checked_add).is_none() {
+            let [base, banded, supplement] = capacities;
+            let base = u64::from(base) + u64::from(banded);
             let what = format!("a model with room for {base} and {supplement} Gaussians: more than can be numbered");
             return Err(Error::Usage(what));
         }
-        let parts = [part(Segment::Base, base)?, part(Segment::Supplement, supplement)?];
+        let [base, banded, supplement] = Segment::ALL.map(|segment| part(segment, capacities[segment as usize]));
+        let parts = [base?, banded?, supplement?];
         let page_count = parts.iter().map(|p| p.pages.len()).sum();
         let words = |name, len| Buffer::new(context, name, len, Location::Device);
         Ok(Model {
@@ -388,13 +431,13 @@ impl Model {
     }
 
     /// Reads the number of Gaussians in each segment. Waits.
-    pub fn counts(&self) -> Result<[u32; 2]> {
+    pub fn counts(&self) -> Result<[u32; SEGMENTS]> {
         let counts = self.segment_counts.download()?;
-        Ok([counts[0], counts[1]])
+        Ok(std::array::from_fn(|s| counts[s]))
     }
 
     /// Reads the numbers of Gaussians from the device and stores them on the host. Waits.
-    pub fn learn_counts(&mut self) -> Result<[u32; 2]> {
+    pub fn learn_counts(&mut self) -> Result<[u32; SEGMENTS]> {
         self.known = self.counts()?;
         Ok(self.known)
     }
@@ -453,7 +496,7 @@ impl Model {
     /// The pages of a segment, each with its number in the segment, the index of its dispatch, and its
     /// description.
     pub fn pages(&self, segment: Segment) -> impl Iterator<Item = (usize, u32, Page)> + '_ {
-        let before = if segment == Segment::Base { 0 } else { self.parts[0].pages.len() };
+        let before: usize = self.parts[..segment as usize].iter().map(|part| part.pages.len()).sum();
         self.part(segment).pages.iter().enumerate().map(move |(k, &page)| (k, (before + k) as u32, page))
     }
 
@@ -477,9 +520,14 @@ impl Model {
         self.parts.iter().map(Part::capacity).sum()
     }
 
-    /// Whether the supplement has Gaussians, as last known to the host.
-    pub fn has_supplement(&self) -> bool {
-        self.parts[1].capacity() > 0
+    /// Whether a segment has room for Gaussians.
+    pub fn has(&self, segment: Segment) -> bool {
+        self.part(segment).capacity() > 0
+    }
+
+    /// Number of Gaussians of the base, with bands and without, as last known to the host.
+    pub fn base_count(&self) -> u32 {
+        self.count_of(Segment::Base) + self.count_of(Segment::Banded)
     }
 
     /// Degree that a segment is rendered with if `degree` is asked for.
@@ -505,17 +553,26 @@ impl Model {
 
     /// Downloads the current scene, with the origin of the uploaded one. Waits.
     pub fn download(&self) -> Result<Scene> {
-        let counts = self.segment_counts.download()?;
-        let (base, _) = self.parts[0].download(counts[0] as usize, self.origin - self.scene_origin)?;
-        Ok(Scene { base, supplement: self.supplement()?, origin: self.scene_origin })
+        let counts = self.counts()?;
+        let [constants, banded] = [Segment::Base, Segment::Banded].map(|segment| {
+            self.part(segment).download(counts[segment as usize] as usize, self.origin - self.scene_origin)
+        });
+        let ((mut base, _), (banded, _)) = (constants?, banded?);
+        if !banded.is_empty() {
+            base = base.with_degree(banded.sh_degree);
+            base.append(banded);
+        }
+        let mixed = self.has(Segment::Banded);
+        Ok(Scene { base, supplement: self.supplement()?, mixed, origin: self.scene_origin })
     }
 
     /// Downloads the supplement, in coordinates of the uploaded scene; `None` if it is empty. Waits.
     pub fn supplement(&self) -> Result<Option<Supplement>> {
-        match self.segment_counts.download()?[1] {
+        match self.counts()?[Segment::Supplement as usize] {
             0 => Ok(None),
             m => {
-                let (gaussians, lobes) = self.parts[1].download(m as usize, self.origin - self.scene_origin)?;
+                let part = self.part(Segment::Supplement);
+                let (gaussians, lobes) = part.download(m as usize, self.origin - self.scene_origin)?;
                 Ok(Some(Supplement { gaussians, lobes }))
             }
         }
@@ -546,14 +603,13 @@ impl Part {
     fn values(
         &self,
         k: usize,
-        gaussians: &Gaussians,
-        lobes: Option<&Lobes>,
+        &Content { gaussians, ref numbers, lobes }: &Content<'_>,
         origin: DVec3,
     ) -> impl Iterator<Item = (&Quads, Vec<[f32; 4]>)> {
         let page = self.pages[k];
-        let (first, capacity) = (page.first as usize, page.capacity as usize);
-        let numbers = first.min(gaussians.len())..gaussians.len().min(first + capacity);
-        let count = numbers.len();
+        let capacity = page.capacity as usize;
+        let first = numbers.end.min(numbers.start + page.first as usize);
+        let count = capacity.min(numbers.end - first);
         let own = |p: usize, place: usize| {
             let value = layout::geometry(gaussians, first + place)[p];
             // guard: model around the origin
@@ -574,7 +630,7 @@ impl Part {
             let values = layout::page(LOBE_PLANES, capacity, count, |p, place| layout::lobe(lobes, first + place)[p]);
             (self.lobes.page(k), values)
         });
-        let filled = !numbers.is_empty();
+        let filled = count > 0;
         [(self.geometry.page(k), geometry), (self.sh.page(k), sh)].into_iter().chain(lobes).filter(move |_| filled)
     }
 
@@ -605,15 +661,26 @@ impl Part {
     }
 }
 
-/// Number of Gaussians in each segment.
-fn counts_of(scene: &Scene) -> [u32; 2] {
-    segments_of(scene, &Supplement::default()).map(|(gaussians, _)| gaussians.len() as u32)
+/// Base and supplement of a scene; without a supplement, `none` stands in.
+fn segments_of<'a>(scene: &'a Scene, none: &'a Supplement) -> [Content<'a>; SEGMENTS] {
+    let [constants, ..] = Room::counts(scene).map(|count| count as usize);
+    let supplement = scene.supplement.as_ref().unwrap_or(none);
+    [
+        Content { gaussians: &scene.base, numbers: 0..constants, lobes: None },
+        Content { gaussians: &scene.base, numbers: constants..scene.base.len(), lobes: None },
+        Content {
+            gaussians: &supplement.gaussians,
+            numbers: 0..supplement.gaussians.len(),
+            lobes: Some(&supplement.lobes),
+        },
+    ]
 }
 
-/// Base and supplement of a scene; without a supplement, `none` stands in.
-fn segments_of<'a>(scene: &'a Scene, none: &'a Supplement) -> [(&'a Gaussians, Option<&'a Lobes>); 2] {
-    let supplement = scene.supplement.as_ref().unwrap_or(none);
-    [(&scene.base, None), (&supplement.gaussians, Some(&supplement.lobes))]
+/// The Gaussians of a segment.
+struct Content<'a> {
+    gaussians: &'a Gaussians,
+    numbers: Range<usize>,
+    lobes: Option<&'a Lobes>,
 }
 
 /// An upload of a scene by the caller's own command buffer: it does not submit or wait. Any thread may
@@ -638,8 +705,8 @@ impl Upload {
     /// counts against a context's budget if device and host share theirs, and as large as the filled pages.
     /// [`Model::upload_around`], which waits, stages at most 64 MiB.
     pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
-        let (degrees, counts) = (room.degrees(scene), counts_of(scene));
-        let limit = room.page_limit(device, degrees[0].max(degrees[1]));
+        let (degrees, counts) = (room.degrees(scene), Room::counts(scene));
+        let limit = room.page_limit(device, room.degree(scene));
         let mut plan = Plan::default();
         for (segment, capacity) in Segment::ALL.into_iter().zip(room.capacities(counts)) {
             let s = segment as usize;
@@ -661,9 +728,9 @@ impl Upload {
     pub fn prepare(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
         let model = Model::allocate(context, origin, scene, room)?;
         let mut staged = Vec::new();
-        for (part, (gaussians, lobes)) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
+        for (part, content) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
             for k in 0..part.pages.len() {
-                for (planes, values) in part.values(k, gaussians, lobes, origin - scene.origin) {
+                for (planes, values) in part.values(k, &content, origin - scene.origin) {
                     let staging = Buffer::new(context, "staging", values.len(), Location::Upload)?;
                     staging.write_mapped(&values);
                     staged.push((staging, planes.clone()));

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{
-    model::{Model, Segment},
+    model::{Model, Room, Segment},
     raster::{Grid, Raster, RasterOptions, SplatCount},
     session::Policy,
     views::Views,
@@ -11,7 +11,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
-    scene::{Camera, Gaussians, Scene},
+    scene::{Camera, Scene},
     stages::{
         WORKGROUP, median_depth, project,
         status::{self, Resource, Status},
@@ -62,7 +62,7 @@ impl Default for RenderOptions {
 /// Maximum size and formats of the scenes that a [`Renderer`] must support.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Needs {
-    /// Maximum number of Gaussians, base and supplement together.
+    /// Maximum number of Gaussians in all segments.
     pub gaussians: u32,
     /// Bands of harmonics, or betas, of rendered bases: one pipeline per entry.
     pub degrees: Vec<u32>,
@@ -80,24 +80,36 @@ impl Needs {
 
     /// Needs of a whole model, rendered with these bands of harmonics.
     pub fn at(model: &Model, degrees: impl IntoIterator<Item = u32> + Clone) -> Self {
-        let of = |segment| distinct(degrees.clone().into_iter().map(|degree| model.degree_of(segment, degree)));
-        Needs {
-            gaussians: model.capacity(),
-            degrees: of(Segment::Base),
-            lobe_degrees: if model.has_supplement() { of(Segment::Supplement) } else { Vec::new() },
-            half: model.is_half(),
-        }
+        let of = |lobes: bool| {
+            let segments = Segment::ALL.into_iter().filter(|&s| model.has(s) && s.has_lobes() == lobes);
+            distinct(segments.flat_map(|s| degrees.clone().into_iter().map(move |degree| model.degree_of(s, degree))))
+        };
+        Needs { gaussians: model.capacity(), degrees: of(false), lobe_degrees: of(true), half: model.is_half() }
     }
 
-    /// Needs of a scene whose model has no spare room; `half` as in [`Room`](super::model::Room).
+    /// Needs of a scene whose model has no spare room; `half` as in [`Room`].
     pub fn of_scene(scene: &Scene, half: bool) -> Self {
         let supplement = scene.supplement.as_ref().map(|supplement| &supplement.gaussians).filter(|g| !g.is_empty());
+        let room = Room::default().capacities(Room::counts(scene));
+        let [_, banded, _] = room;
+        let own = scene.base.sh_degree;
         Needs {
-            gaussians: (scene.base.len().max(1) + supplement.map_or(0, Gaussians::len)) as u32,
-            degrees: vec![scene.base.sh_degree],
+            gaussians: room.into_iter().sum(),
+            degrees: if !scene.mixed {
+                vec![own]
+            } else if banded > 0 {
+                distinct([0, own].into_iter())
+            } else {
+                vec![0]
+            },
             lobe_degrees: supplement.iter().map(|gaussians| gaussians.sh_degree).collect(),
             half,
         }
+    }
+
+    /// Bands of a rendered segment.
+    fn degrees_of(&self, segment: Segment) -> &[u32] {
+        if segment.has_lobes() { &self.lobe_degrees } else { &self.degrees }
     }
 
     /// Whether splats are packed; gradients need unpacked ones.
@@ -132,8 +144,8 @@ impl Show {
 /// The stages that read models: projection, and optionally the median depth.
 pub(super) struct ModelStages {
     needs: Needs,
-    /// By segment, then by degree in the order of `needs`, so that a scene without supplement never pays for
-    /// lobes.
+    /// Without lobes and with, then by degree in the order of `needs`, so that a scene without supplement never pays
+    /// for lobes.
     project: [Vec<project::Stage>; 2],
     median_depth: Option<median_depth::Stage>,
 }
@@ -156,9 +168,7 @@ pub(super) struct Placed<'a> {
 impl ModelStages {
     pub fn new(context: &Context, needs: Needs, options: &RenderOptions) -> Result<Self, GpuError> {
         let tile = options.policy.tile(context.info());
-        let project = |segment: Segment| -> Result<Vec<_>, GpuError> {
-            let has_lobes = segment == Segment::Supplement;
-            let degrees = if has_lobes { &needs.lobe_degrees } else { &needs.degrees };
+        let project = |has_lobes: bool, degrees: &[u32]| -> Result<Vec<_>, GpuError> {
             let stage = |&sh_degree: &u32| {
                 let spec = project::Spec {
                     workgroup_size: context.info().workgroup(WORKGROUP),
@@ -177,7 +187,7 @@ impl ModelStages {
         let depth_spec =
             median_depth::Spec { workgroup_size: WORKGROUP, centre: options.centre_depth, half_width: needs.half };
         Ok(ModelStages {
-            project: [project(Segment::Base)?, project(Segment::Supplement)?],
+            project: [project(false, &needs.degrees)?, project(true, &needs.lobe_degrees)?],
             median_depth: if options.depth { Some(median_depth::Stage::new(context, &depth_spec)?) } else { None },
             needs,
         })
@@ -188,15 +198,14 @@ impl ModelStages {
     /// # Errors
     /// [`Error::Usage`] if they do not.
     pub fn check(&self, model: &Model, upto: Segment, degree: u32) -> Result<()> {
-        let Needs { degrees, lobe_degrees, .. } = &self.needs;
-        let lobes = model.has_supplement() && upto == Segment::Supplement;
-        let [own, lobed] = Segment::ALL.map(|segment| model.degree_of(segment, degree));
-        let wrong = if !degrees.contains(&own) {
-            format!("degrees {degrees:?} of harmonics, not for {own}")
-        } else if lobes && lobe_degrees.is_empty() {
-            "scenes without supplement".into()
-        } else if lobes && !lobe_degrees.contains(&lobed) {
-            format!("supplements of degrees {lobe_degrees:?} of harmonics, not of {lobed}")
+        let lacks = |&segment: &Segment| model.has(segment) && self.pipeline(model, segment, degree).is_none();
+        let wrong = if let Some(segment) = upto.upto().find(lacks) {
+            let shown = model.degree_of(segment, degree);
+            match (self.needs.degrees_of(segment), segment.has_lobes()) {
+                ([], true) => "scenes without supplement".into(),
+                (degrees, true) => format!("supplements of degrees {degrees:?} of harmonics, not of {shown}"),
+                (degrees, false) => format!("degrees {degrees:?} of harmonics, not for {shown}"),
+            }
         } else if model.is_half() != self.needs.half {
             format!("models of {} width", if self.needs.half { "half" } else { "full" })
         } else {
@@ -205,15 +214,20 @@ impl ModelStages {
         Err(Error::Usage(format!("the renderer was made for {wrong}")))
     }
 
+    /// The projection of a segment that is rendered with `degree`.
+    fn pipeline(&self, model: &Model, segment: Segment, degree: u32) -> Option<&project::Stage> {
+        let shown = model.degree_of(segment, degree);
+        let k = self.needs.degrees_of(segment).iter().position(|&made| made == shown)?;
+        self.project[usize::from(segment.has_lobes())].get(k)
+    }
+
     /// Splats, colors, depth keys and tile counts of a model.
     pub fn record_project(&self, recorder: &mut Recorder, raster: &Raster, placed: &Placed<'_>) {
         let Placed { model, splat_first, views, view, upto, degree, .. } = *placed;
         let Some(depth_keys) = raster.depth_keys() else { return };
-        for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
-            let (part, shown) = (model.part(segment), model.degree_of(segment, degree));
-            let degrees = [&self.needs.degrees, &self.needs.lobe_degrees][segment as usize];
-            let pipeline = degrees.iter().position(|&degree| degree == shown);
-            let Some(stage) = pipeline.and_then(|k| self.project[segment as usize].get(k)) else { continue };
+        for segment in upto.upto() {
+            let part = model.part(segment);
+            let Some(stage) = self.pipeline(model, segment, degree) else { continue };
             for (k, dispatch, page) in model.pages(segment) {
                 stage.record_indirect(
                     recorder,
@@ -254,7 +268,7 @@ impl ModelStages {
     ) {
         let Placed { model, splat_first, views, view, upto, scale, .. } = *placed;
         let Some(median_depth) = &self.median_depth else { return };
-        for segment in Segment::ALL.into_iter().filter(|s| *s as u32 <= upto as u32) {
+        for segment in upto.upto() {
             for (k, _, page) in model.pages(segment) {
                 median_depth.record(
                     recorder,
@@ -409,9 +423,9 @@ impl Renderer {
         self.splats_of(recorder, model, views, view, show);
         let splats = SplatCount {
             count: &model.population,
-            index: show.upto.index() + 1,
+            index: show.upto.last().index() + 1,
             args: &model.population_args,
-            dispatch: model.blocks_dispatch(show.upto),
+            dispatch: model.blocks_dispatch(show.upto.last()),
         };
         raster.record_order(recorder, splats, &grid, &views.frames, None, status);
         Ok(grid)
@@ -440,8 +454,7 @@ impl Renderer {
             let most = views.cameras.len();
             return Err(Error::Usage(format!("there are {most} views, and number {view} was asked for")));
         };
-        let shown = Segment::ALL.into_iter().filter(|s| *s as u32 <= show.upto as u32);
-        self.raster.check(shown.map(|s| model.part(s).capacity()).sum(), camera.width, camera.height)?;
+        self.raster.check(show.upto.upto().map(|s| model.part(s).capacity()).sum(), camera.width, camera.height)?;
         Ok(camera)
     }
 

@@ -5,6 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bands::Promotion;
 use crate::{data::gaussian_bytes, scene::Gaussians};
 
 /// Maximum number of added Gaussians relative to the base, if gains decide the number.
@@ -167,6 +168,9 @@ pub struct Spending {
     pub without_lobes: Spent,
     /// Plain Gaussians, for the base.
     pub plain: Spent,
+    /// Gaussians of the base that get bands.
+    #[serde(default)]
+    pub bands: Spent,
     /// Number of candidates drawn.
     pub drawn: u32,
     /// Candidates without a gain over all views, or overlapping one with a higher gain.
@@ -256,11 +260,27 @@ impl Spending {
             lobes: of(true, |c| c.gain, allowance.lobe_bytes),
             without_lobes: of(true, |c| c.plain, allowance.plain_bytes),
             plain: of(false, |c| c.gain, allowance.plain_bytes),
+            bands: Spent::default(),
             drawn: choice.drawn,
             no_gain: choice.drawn.saturating_sub(chosen),
             below_training_on: chosen - enough as u32,
             beyond: (enough - placed) as u32,
         }
+    }
+
+    /// The plan with bands for the Gaussians of a promotion.
+    pub fn with_bands(mut self, promotion: &Promotion, choice: &Choice) -> Self {
+        let (placed, gain_db) = (promotion.gains.len() as u32, decibels(promotion.gain(), choice.squared_error));
+        let per = |much: f64| if placed > 0 { gain_db / much } else { 0.0 };
+        self.bands = Spent {
+            chosen: placed,
+            placed,
+            gain_db,
+            db_per_thousand: per(f64::from(placed) / 1e3),
+            db_per_megabyte: per(promotion.bytes() as f64 / 1e6),
+            db_per_second: None,
+        };
+        self
     }
 
     /// Number of Gaussians in the first placement.

@@ -23,7 +23,7 @@ use super::{
     views::Views,
 };
 use crate::{
-    data::checkpoint::{BASE, GEOMETRY, LOBES, SH, SUPPLEMENT},
+    data::checkpoint::{BANDED, BASE, GEOMETRY, LOBES, SH, SUPPLEMENT},
     error::{Error, Result},
     gpu::{Buffer, Recorder},
     scene::color,
@@ -388,6 +388,7 @@ impl Training {
         let part = model.part(learner.lesson.segment);
         let segment = match learner.lesson.segment {
             Segment::Base => BASE,
+            Segment::Banded => BANDED,
             Segment::Supplement => SUPPLEMENT,
         };
         let [geometry, sh, lobes] = learner.moments.all();

@@ -9,6 +9,9 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod adam;
+pub mod bands_fit;
+pub mod bands_image;
+pub mod bands_look;
 pub mod betas;
 pub mod blend;
 pub mod blend_backward;

@@ -34,7 +34,7 @@ pub fn recount(
     for s in 0..counts.len() {
         kept[s] = counts[s].min(capacity(s));
         if kept[s] < counts[s] {
-            status.fail([Resource::BaseGaussians, Resource::SupplementGaussians][s], counts[s]);
+            status.fail(Resource::ALL[Resource::BaseGaussians as usize + s], counts[s]);
         }
         population[s + 1] = population[s] + kept[s];
     }
@@ -52,10 +52,10 @@ mod tests {
     #[test]
     fn segments_follow_one_another_and_stay_within_their_pages() {
         let page = |segment, first, capacity| Page { segment, first, capacity };
-        let pages = [page(0, 0, 100), page(0, 100, 50), page(1, 0, 70)];
-        let found = recount([120, 90], &pages, 64, 1024, Status::default());
-        assert_eq!((found.counts, found.population), ([120, 70], [0, 120, 190]));
-        assert_eq!(found.args, [2, 1, 1, 1, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1]);
+        let pages = [page(0, 0, 100), page(0, 100, 50), page(2, 0, 70)];
+        let found = recount([120, 0, 90], &pages, 64, 1024, Status::default());
+        assert_eq!((found.counts, found.population), ([120, 0, 70], [0, 120, 120, 190]));
+        assert_eq!(found.args, [2, 1, 1, 1, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]);
         assert_eq!(found.status.needs().collect::<Vec<_>>(), [(Resource::SupplementGaussians, 90)]);
     }
 }

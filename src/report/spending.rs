@@ -27,8 +27,10 @@ fn table(plan: &Spending) -> Table {
         ("Gaussians with lobes", &plan.lobes, true),
         ("the same without lobes", &plan.without_lobes, false),
         ("plain Gaussians", &plan.plain, true),
+        ("bands for Gaussians of the base", &plan.bands, true),
     ];
-    for (what, spent, is_placed) in kinds {
+    for (what, spent, is_placed) in kinds.into_iter().filter(|(_, spent, _)| spent != &&plan.bands || spent.placed > 0)
+    {
         let &Spent { chosen, placed, gain_db, db_per_thousand, db_per_megabyte, db_per_second } = spent;
         let counts = [chosen, placed].map(|count| if is_placed { Cell::Count(count.into()) } else { Cell::Absent });
         let per_second = db_per_second.map_or(Cell::Absent, Cell::Number);
@@ -58,7 +60,10 @@ fn sentences(plan: &Spending) -> [String; 3] {
         1 => ", the rest in a later placement".into(),
         more => format!(", the rest in {more} later placements"),
     };
-    let does = if plan.placed() == 0 {
+    let banded = plan.bands.placed;
+    let does = if plan.placed() == 0 && banded > 0 {
+        format!("no Gaussian is added{bytes}; {banded} get bands, then everything learns for {steps} steps")
+    } else if plan.placed() == 0 {
         format!("at most {gaussians_allowed} Gaussians{bytes} may be added; none is, and the scene is unchanged")
     } else {
         format!(
@@ -122,6 +127,7 @@ mod tests {
             lobes: spent,
             without_lobes: Spent { gain_db: 0.0625, ..spent },
             plain: Spent::default(),
+            bands: Spent { chosen: 77, placed: 77, ..spent },
             drawn: 120,
             no_gain: 111,
             below_training_on: 3,
@@ -132,6 +138,7 @@ mod tests {
             "at most 10 Gaussians in 2000000 bytes may be added: 4 now",
             "the rest in 2 later placements",
             "0.250",
+            "bands for Gaussians of the base",
             "the same without lobes",
             "0.062",
             "62.500",
@@ -145,7 +152,9 @@ mod tests {
         ] {
             assert!(said.contains(part), "`{part}` is not in: {said}");
         }
-        let none = Spending { lobes: Spent { placed: 0, ..spent }, training_on_db: None, ..plan.clone() };
+        let bands = Spent::default();
+        let none = Spending { lobes: Spent { placed: 0, ..spent }, training_on_db: None, bands, ..plan.clone() };
+        assert!(!text(&none).contains("bands"));
         assert!(text(&none).contains("the scene is unchanged") && !text(&none).contains("longer training,"));
         assert!(html(&plan).contains("the same without lobes") && html(&plan).contains("<p>left out of 120"));
     }

@@ -87,6 +87,9 @@ pub struct SceneSummary {
     /// Name of the base's color model.
     #[serde(skip)]
     pub color: &'static str,
+    /// Number of Gaussians of the base with bands, if the others have a constant color.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub banded: Option<usize>,
     /// Origin of the scene's coordinates, in the world; `None` for the world's origin.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<[f64; 3]>,
@@ -103,6 +106,7 @@ impl SceneSummary {
         SceneSummary {
             sh_degree: color::of(scene.base.sh_degree).harmonics,
             color: color::of(scene.base.sh_degree).name,
+            banded: scene.mixed.then(|| scene.base.len() - scene.base.constants()),
             origin: Some(scene.origin.to_array()).filter(|_| scene.origin != DVec3::ZERO),
             base: GaussiansSummary::of(&scene.base),
             supplement: scene.supplement.as_ref().map(|s| SupplementSummary {

@@ -168,7 +168,7 @@ fn fill(template: &str, fills: &[(&str, &str)]) -> String {
 const CONSTANTS: &str = include_str!("../../glsl/shared/constants.glsl");
 const SPLAT: &str = include_str!("../../glsl/shared/splat.glsl");
 const UNIT: &str = include_str!("../../glsl/shared/unit.glsl");
-const COLOR: &str = include_str!("../../glsl/shared/color.glsl");
+const HARMONICS: &str = include_str!("../../glsl/shared/harmonics.glsl");
 
 /// Vertex and fragment shader that draw Gaussians. They begin with the code shared with the kernels,
 /// without comments.
@@ -183,7 +183,7 @@ fn shaders() -> (String, String) {
         &include_str!("../../glsl/shared/trig.glsl").replace("precise ", ""),
         include_str!("../../glsl/shared/view.glsl"),
         include_str!("../../glsl/shared/gaussian.glsl"),
-        &part(COLOR, "void sh_basis("),
+        &part(HARMONICS, "void sh_basis("),
     ]
     .concat();
     (bare(&shared) + include_str!("viewer/project.vert"), bare(&alphas) + include_str!("viewer/blend.frag"))
@@ -200,7 +200,7 @@ fn wgsl() -> [String; 4] {
     let constants: String =
         lines.iter().flat_map(|(source, names)| names.iter().map(|name| part(source, name))).collect();
     let shared = constants_of_wgsl(&bare(&constants)) + include_str!("viewer/shared.wgsl");
-    let basis = basis_of_wgsl(&bare(&part(COLOR, "void sh_basis(")));
+    let basis = basis_of_wgsl(&bare(&part(HARMONICS, "void sh_basis(")));
     [
         [&shared, &basis, include_str!("viewer/project.wgsl")].concat(),
         include_str!("viewer/sort.wgsl").into(),
@@ -355,7 +355,7 @@ mod tests {
         ] {
             assert!([&project, &blend].iter().all(|text| text.lines().filter(|l| *l == line).count() == 1), "{line}");
         }
-        let kernels = part(COLOR, "void sh_basis(");
+        let kernels = part(HARMONICS, "void sh_basis(");
         let values = kernels.lines().filter(|line| line.trim_start().starts_with("basis["));
         assert_eq!(values.clone().count(), 16);
         assert!(values.into_iter().all(|line| project.contains(line)));

@@ -56,6 +56,41 @@ impl Gaussians {
         };
         Gaussians { sh_degree, sh: self.sh.chunks(old).enumerate().flat_map(of).collect(), ..self }
     }
+
+    /// Appends `more`; all get the higher degree of harmonics.
+    pub fn append(&mut self, more: Gaussians) {
+        let degree = self.sh_degree.max(more.sh_degree);
+        *self = std::mem::take(self).with_degree(degree);
+        let more = more.with_degree(degree);
+        self.means.extend(more.means);
+        self.log_scales.extend(more.log_scales);
+        self.quats.extend(more.quats);
+        self.opacities.extend(more.opacities);
+        self.sh.extend(more.sh);
+    }
+
+    /// The Gaussians of these numbers, in this order.
+    pub fn reordered(&self, order: &[usize]) -> Gaussians {
+        let k = self.sh_coefficients();
+        Gaussians {
+            sh_degree: self.sh_degree,
+            means: order.iter().map(|&i| self.means[i]).collect(),
+            log_scales: order.iter().map(|&i| self.log_scales[i]).collect(),
+            quats: order.iter().map(|&i| self.quats[i]).collect(),
+            opacities: order.iter().map(|&i| self.opacities[i]).collect(),
+            sh: order.iter().flat_map(|&i| self.sh[i * k..][..k].iter().copied()).collect(),
+        }
+    }
+
+    /// Number of leading Gaussians with a constant color: all their bands are 0. Other models of color than harmonics have none.
+    pub fn constants(&self) -> usize {
+        let colors = color::of(self.sh_degree);
+        let constant = |row: &&[[f32; 3]]| row[1..].iter().flatten().all(|&value| value == 0.0);
+        match colors.harmonics {
+            Some(_) => self.sh.chunks(colors.coefficients).take_while(constant).count(),
+            None => 0,
+        }
+    }
 }
 
 /// The opacity lobes of supplementary Gaussians (method, section 1).
@@ -85,6 +120,9 @@ pub struct Scene {
     pub base: Gaussians,
     /// The Gaussians that augmentation added.
     pub supplement: Option<Supplement>,
+    /// Only some Gaussians of the base have bands: the leading ones whose bands are all 0 ([`Gaussians::constants`]) take no memory for
+    /// them on the device or in a PLY file.
+    pub mixed: bool,
     /// Origin of the means in world coordinates, scene units. It is not 0 for scenes so far from the world's
     /// origin that float32 cannot hold their means there (georeferenced ones).
     pub origin: DVec3,
@@ -217,7 +255,7 @@ mod tests {
         let base = Gaussians { means: vec![[1.5, -0.0, 2.0]], ..Default::default() };
         let supplement = Supplement { gaussians: base.clone(), ..Default::default() };
         let utm = DVec3::new(5e5, 4.5e6, 120.25);
-        let scene = Scene { base, supplement: Some(supplement), origin: utm };
+        let scene = Scene { base, supplement: Some(supplement), origin: utm, ..Scene::default() };
         let there = scene.clone().around(utm - DVec3::X);
         assert_eq!(there.base.means, [[2.5, 0.0, 2.0]]);
         assert_eq!(there.world_means().collect::<Vec<_>>(), scene.world_means().collect::<Vec<_>>());

@@ -17,6 +17,8 @@ pub enum Resource {
     Intersections = INTERSECTIONS as isize,
     /// The base's capacity.
     BaseGaussians = BASE_GAUSSIANS as isize,
+    /// The capacity of Gaussians with bands.
+    BandedGaussians = BANDED_GAUSSIANS as isize,
     /// The supplement's capacity.
     SupplementGaussians = SUPPLEMENT_GAUSSIANS as isize,
 }
@@ -24,7 +26,7 @@ pub enum Resource {
 impl Resource {
     /// All resources, in the order of their bits.
     pub const ALL: [Resource; RESOURCES as usize] =
-        [Resource::Intersections, Resource::BaseGaussians, Resource::SupplementGaussians];
+        [Resource::Intersections, Resource::BaseGaussians, Resource::BandedGaussians, Resource::SupplementGaussians];
 
     /// Its number in kernels.
     pub fn index(self) -> u32 {
@@ -37,6 +39,7 @@ impl fmt::Display for Resource {
         f.write_str(match self {
             Resource::Intersections => "intersections",
             Resource::BaseGaussians => "base Gaussians",
+            Resource::BandedGaussians => "Gaussians with bands",
             Resource::SupplementGaussians => "supplementary Gaussians",
         })
     }

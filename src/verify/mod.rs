@@ -1,6 +1,7 @@
 //! Verifies glint's kernels on a device and its driver: compares every dispatch of the pipelines with its
 //! float64 twin, and measures its time.
 
+mod bands;
 mod bounds;
 mod density;
 mod exposure;
@@ -75,6 +76,7 @@ pub fn run(context: &Context, options: &Options) -> Result<Report> {
     screen::cases(&bench, options.quick)?;
     lift::cases(&bench, options.quick)?;
     pursuit::cases(&bench, options.quick)?;
+    bands::cases(&bench, options.quick)?;
     let rates = bench.rates;
     let rows = bench.into_rows();
     let report = Report { device: context.info().clone(), rates, rows, seconds: start.elapsed().as_secs_f64() };

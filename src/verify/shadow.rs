@@ -246,6 +246,8 @@ fn word_of(shadowed: &Shadowed<'_>, binding: &Binding, word: usize) -> Word {
             MCMC => Word::Numbers(&[|word| word as f32]),
             _ => Word::Integer,
         },
+        // Scores are not packed, though their buffer is that of packed records.
+        ("blend_backward", b"record_words") if shadowed.constant(c"scores") != 0 && word < 2 => Word::Float,
         ("pursuit_residual" | "pursuit_blur", b"texels") => halves,
         ("project_backward" | "adam", name) if name.ends_with(b"_moments") && holds_packed(shadowed) => {
             // Newton's steps pack three first moments of harmonics into a word; another word has their unit.

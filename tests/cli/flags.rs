@@ -56,7 +56,7 @@ fn every_option_of_training_changes_the_scene() {
 
 #[test]
 fn every_option_of_augmenting_changes_the_scene() {
-    let work = Work::new();
+    let work = Work::small();
     work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
     let options = [
         "--seed 1",

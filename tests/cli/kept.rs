@@ -498,7 +498,7 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
 /// its outputs are whole.
 #[test]
 fn memory_that_runs_out_anywhere_is_an_error() {
-    let work = Work::new();
+    let work = Work::small();
     work.ok("train data -o base.ply --iterations 20 --sh-degree 1");
     let before = work.listing();
     let clean = || {

@@ -75,6 +75,17 @@ impl Work {
         Work(folder)
     }
 
+    /// The dataset with four training photos and one test photo, for tests of many runs.
+    fn small() -> Work {
+        let work = Work::new();
+        let list = work.path("data/sparse/0/images.txt");
+        let text = fs::read_to_string(&list).unwrap();
+        let few: Vec<&str> = text.lines().take(2 * 5).collect();
+        fs::write(list, few.join("\n") + "\n").unwrap();
+        NAMES[5..].iter().for_each(|name| fs::remove_file(work.path("data/images").join(name)).unwrap());
+        work
+    }
+
     fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }

@@ -145,6 +145,31 @@ fn an_augmentation_ends_with_what_it_gained() {
     assert!(report["gain"].is_null());
 }
 
+/// Some Gaussians of a constant color get bands; the report, the file and its summary agree on their number.
+#[test]
+fn constant_colors_get_bands_where_they_pay() {
+    let work = Work::small();
+    work.ok("train data -o base.ply --iterations 150 --gaussians 300 --sh-degree 0");
+    let report = work.json("enhance data --base base.ply -o a.ply --bytes 20kB --json");
+    let banded = report["banded_gaussians"].as_u64().unwrap();
+    assert!(banded > 0 && report["plan"]["bands"]["placed"] == banded, "{report}");
+    let info = work.json("info a.ply --json");
+    assert!(info["banded"] == banded && info["sh_degree"].as_u64() > Some(0), "{info}");
+    let line = format!("{banded} of {} Gaussians of the base; the others have a constant color", info["base"]["count"]);
+    assert!(work.ok("info a.ply").contains(&line), "{line}");
+    let added = report["bytes_added"].as_u64().unwrap();
+    let base = fs::metadata(work.path("base.ply")).unwrap().len();
+    // Headers of 2 KB.
+    assert!(added <= 20_000 && report["file_bytes"].as_u64().unwrap() <= base + added + 2000, "{report}");
+    // Other viewers show constant colors.
+    work.ok("convert a.ply b.ply");
+    assert_eq!(work.json("info b.ply --json")["banded"], banded);
+    let [whole, copy] =
+        ["a.ply", "b.ply"].map(|scene| work.json(&format!("eval {scene} data --json"))["augmented"].clone());
+    assert_eq!(whole, copy);
+    assert_eq!(whole, report["gain"]["after"]);
+}
+
 /// The plan is printed before it is executed, also in JSON and in the report; the result stays within every
 /// budget.
 #[test]

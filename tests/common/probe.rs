@@ -163,7 +163,8 @@ impl<'a> Probe<'a> {
         recorder.submit().unwrap().wait().unwrap();
         for [learner, _] in learners.iter().filter(|_| !self.setup.opacity_only) {
             let segment = learner.lesson.segment;
-            let (first, count) = (out.lobe_first * segment as usize, model.count_of(segment) as usize);
+            let first = if segment.has_lobes() { out.lobe_first } else { 0 };
+            let count = model.count_of(segment) as usize;
             let got = learner.gradients().unwrap();
             let fill = |array: &mut [f64], planes: Vec<Vec<f32>>, stride: usize, first: usize| {
                 for (plane, got) in array.chunks_mut(stride.max(1)).zip(planes) {

@@ -51,7 +51,7 @@ fn an_upload_that_was_not_recorded_is_no_model() {
     let mut recorder = gpu.recorder("here").unwrap();
     upload.record(&mut recorder).unwrap();
     recorder.submit().unwrap().wait().unwrap();
-    assert_eq!(upload.finish().unwrap().counts().unwrap(), [60, 20]);
+    assert_eq!(upload.finish().unwrap().counts().unwrap(), [60, 0, 20]);
 }
 
 /// One thread draws continuously while another loads three scenes, one after the other. Each is prepared,

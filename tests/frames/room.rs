@@ -174,7 +174,7 @@ fn plans_made_before_there_is_a_model_say_what_is_held() {
         // Except for one element of each of the four kinds of gradient records, and the reports that the host
         // reads.
         let (reports, held): (Vec<_>, Vec<_>) = frames.held().into_iter().partition(|held| held.name == "report");
-        assert!(reports.len() == 2 && reports[0].buffer != reports[1].buffer && reports[0].bytes == 36, "{reports:?}");
+        assert!(reports.len() == 2 && reports[0].buffer != reports[1].buffer && reports[0].bytes == 40, "{reports:?}");
         let (names, bytes) = named(held);
         assert!(
             bytes + 3 * 12 + 16 == planned && names.contains("image") && names.contains("target"),

@@ -136,6 +136,7 @@ impl Augmentation<'_> {
                     note_foreign_base(base, self.enhancer.base_losses());
                 }
             }
+            Event::Bands { step, steps } => self.show("finding bands", step.into(), steps.into(), None),
             Event::Weigh { step, steps } => self.show("weighing", step.into(), steps.into(), None),
             Event::Weighed => {
                 if let Some(end) = self.beside.end {

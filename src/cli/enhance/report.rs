@@ -41,7 +41,9 @@ pub(super) struct Report<'a> {
     pub(super) supplementary_gaussians: u32,
     /// Plain Gaussians that pursuit added to the base.
     pub(super) plain_gaussians: u32,
-    /// Size of both kinds in the file, bytes; 0 if they were discarded.
+    /// Gaussians of the base that got bands.
+    pub(super) banded_gaussians: u32,
+    /// Size of added Gaussians and bands in the file, bytes; 0 if they were discarded.
     pub(super) bytes_added: u64,
     /// Size of the file, bytes, including a changed base stored next to the original.
     pub(super) file_bytes: u64,
@@ -119,6 +121,7 @@ pub(in crate::cli) fn train_longer(
 #[derive(Serialize)]
 pub(super) struct Seconds {
     base: f64,
+    bands: f64,
     weigh: f64,
     place: f64,
     screen: f64,
@@ -130,6 +133,7 @@ impl Seconds {
     pub(super) fn of(times: &Times) -> Self {
         Seconds {
             base: times.base.as_secs_f64(),
+            bands: times.bands.as_secs_f64(),
             weigh: times.weigh.as_secs_f64(),
             place: times.place.as_secs_f64(),
             screen: times.screen.as_secs_f64(),
@@ -144,12 +148,20 @@ impl Report<'_> {
     pub(super) fn text(&self, method: Method) -> String {
         let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = self;
         let times = match method {
-            Method::Pursuit => format!("weighing {:.1} s, placing {:.1} s", seconds.weigh, seconds.place),
+            Method::Pursuit => {
+                let found =
+                    if seconds.bands > 0.0 { format!("finding bands {:.1} s, ", seconds.bands) } else { String::new() };
+                format!("{found}weighing {:.1} s, placing {:.1} s", seconds.weigh, seconds.place)
+            }
             Method::Augs => format!("screen phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
         };
         let plain = match self.plain_gaussians {
             0 => String::new(),
             plain => format!(" and {}", counted(plain as usize, "plain Gaussian")),
+        };
+        let banded = match self.banded_gaussians {
+            0 => String::new(),
+            banded => format!(", {banded} of which got bands"),
         };
         let faded = match self.faded_gaussians {
             0 => String::new(),
@@ -157,7 +169,7 @@ impl Report<'_> {
         };
         let discarded = if self.discarded { ", discarded: the file has the original base" } else { "" };
         format!(
-            "{output}: {}{plain} on a base of {base_gaussians}{faded}{discarded}\n\
+            "{output}: {}{plain} on a base of {base_gaussians}{banded}{faded}{discarded}\n\
              base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
             counted(*supplementary_gaussians as usize, "supplementary Gaussian"),
             seconds.base,
@@ -204,7 +216,15 @@ pub(super) fn gain(
     };
     let after = compare(&found.scene, &comparing)?;
     drop(comparing);
-    let base_alone = if found.original.is_some() { before.augmented } else { after.base };
+    let base_alone = match (&found.original, found.scene.mixed) {
+        (Some(_), _) => before.augmented,
+        (None, false) => after.base,
+        // Other viewers show the constant colors.
+        (None, true) => {
+            let base = found.scene.base.clone().with_degree(0);
+            compare(&Scene { base, origin: found.scene.origin, ..Scene::default() }, &bar(1))?.augmented
+        }
+    };
     let seen = after.views.len();
     note_uncounted(photos.len() - seen);
     let (before, after) = (before.augmented, after.augmented);

@@ -269,7 +269,7 @@ impl Scenery {
     fn make_lobes(&mut self, context: &Context, model: &Model) -> Result<()> {
         let Some(supplement) = self.supplement.take_if(|_| self.lobes.is_none()) else { return Ok(()) };
         let base = Gaussians { sh_degree: model.part(Segment::Base).sh_degree, ..Default::default() };
-        let scene = Scene { base, supplement: Some(supplement), origin: model.scene_origin };
+        let scene = Scene { base, supplement: Some(supplement), origin: model.scene_origin, ..Scene::default() };
         self.lobes = Some(Model::upload_around(context, model.origin, &scene, Room::default())?);
         Ok(())
     }
@@ -284,8 +284,9 @@ impl Scenery {
         self.frames = None;
         let [width, height] = wanted.size;
         let mut needs = wanted.needs.clone();
-        needs.degrees.push(0);
-        needs.degrees.dedup();
+        if !needs.degrees.contains(&0) {
+            needs.degrees.push(0);
+        }
         let limits = Limits {
             in_flight: IN_FLIGHT,
             texel: if wanted.wide { Texel::Rgba32F } else { Texel::Rgba8 },

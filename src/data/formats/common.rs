@@ -20,18 +20,10 @@ pub(super) fn room(count: usize, sh_degree: u32) -> Gaussians {
 
 /// Appends `more`; both get the higher degree of harmonics.
 pub(super) fn append(all: &mut Option<Gaussians>, more: Gaussians) {
-    let Some(found) = all.take() else {
-        *all = Some(more);
-        return;
-    };
-    let degree = found.sh_degree.max(more.sh_degree);
-    let (mut found, more) = (found.with_degree(degree), more.with_degree(degree));
-    found.means.extend(more.means);
-    found.log_scales.extend(more.log_scales);
-    found.quats.extend(more.quats);
-    found.opacities.extend(more.opacities);
-    found.sh.extend(more.sh);
-    *all = Some(found);
+    match all {
+        Some(all) => all.append(more),
+        None => *all = Some(more),
+    }
 }
 
 /// Reads a little-endian float32.

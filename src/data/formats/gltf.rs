@@ -396,7 +396,7 @@ impl Found {
         let degree = shown.iter().fold(base.sh_degree, |degree, shown| degree.max(shown.sh_degree));
         let (base, shown) = (base.with_degree(degree), shown.map(|shown| shown.with_degree(degree)));
         let origin = axes::flip_origin(self.origin, X_LEFT_Y_UP);
-        let scene = Scene { base, supplement: self.supplement, origin };
+        let scene = Scene { base, supplement: self.supplement, origin, ..Scene::default() };
         Ok(SceneFile { shown, trained_with: self.trained_with, ..scene.into() })
     }
 }

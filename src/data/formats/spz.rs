@@ -147,7 +147,7 @@ pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Res
         Some(learned) => (learned, Some(base)),
         None => (base, None),
     };
-    let scene = Scene { base, supplement, origin };
+    let scene = Scene { base, supplement, origin, ..Scene::default() };
     Ok(SceneFile { trained_with, shown, ..scene.into() })
 }
 
@@ -421,7 +421,7 @@ fn rotation_bytes(quat: [f32; 4]) -> [u8; 3] {
 /// # Errors
 /// [`Error::Usage`] if there is no such version, or if a position exceeds its range.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, version: Option<u8>) -> Result<Vec<String>> {
-    let (Scene { base, supplement, origin }, version) = (&file.scene, version.unwrap_or(VERSION));
+    let (Scene { base, supplement, origin, .. }, version) = (&file.scene, version.unwrap_or(VERSION));
     let refuse = |what: String| Error::Usage(format!("{}: {what}", name(path)));
     if !(1..=VERSION).contains(&version) {
         return Err(refuse(format!("there is no SPZ version {version}, expected 1 to {VERSION}")));

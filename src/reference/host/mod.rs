@@ -30,6 +30,7 @@ macro_rules! twins {
     };
 }
 
+mod bands;
 mod density;
 mod exposure;
 mod learn;
@@ -44,6 +45,7 @@ mod sort;
 /// The twins of all stages except fma_rate, which measures a rate that the host does not have.
 pub fn twins() -> Vec<Twin> {
     [
+        bands::TWINS,
         density::TWINS,
         exposure::TWINS,
         learn::TWINS,

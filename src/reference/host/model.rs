@@ -10,9 +10,9 @@ twins!(gather, recount);
 
 pub(super) fn recount(h: kernels::recount::Host<'_>) -> Outcome {
     let kernels::recount::Push { page_count, threads_per_group, items_per_group, segment, added_index } = h.push;
-    let mut counts = [h.segment_counts[0], h.segment_counts[1]];
+    let mut counts = std::array::from_fn(|s| h.segment_counts[s]);
     if added_index != NONE {
-        let count = &mut counts[segment as usize];
+        let count: &mut u32 = &mut counts[segment as usize];
         *count = count.saturating_add(h.added[added_index as usize]);
     }
     let pages = &h.pages[..page_count as usize];

@@ -1,0 +1,5 @@
+// What views ask of a Gaussian's color, and the harmonics fitted to it.
+const float LEAST_WEIGHT = 1e-3;  // blend weights of a view, summed over its pixels
+const float MOST_COLOR = 1e3;     // of a channel
+const float RIDGE = 0.0016;       // of the coefficients of bands, relative to the weights of all views
+const float MOST_LEVERAGE = 0.99; // a view of more has no others to be told by, and gains nothing

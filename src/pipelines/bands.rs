@@ -1,0 +1,334 @@
+//! Finds the Gaussians of a constant color that gain by bands of harmonics (method, section 8).
+//!
+//! For each page of Gaussians: (render → two passes of (differences → blend_backward of scores → look)) for each view, then a fit for
+//! each degree. Gains count what bands explain in views that were not fitted, so that noise has none.
+
+use super::{
+    model::{Model, Room, Segment},
+    raster::{Grid, Raster},
+    render::{Needs, RenderOptions, Renderer, Show},
+    session::Session,
+    steps::{Looped, Steps},
+    views::Views,
+};
+use crate::{
+    data::band_bytes,
+    error::{Error, Result},
+    gpu::{Buffer, Context, GpuError, Location, Recorder},
+    scene::{Gaussians, Scene, layout},
+    stages::{WORKGROUP, bands_fit, bands_image, bands_look, status::Resource, types::Page},
+};
+
+/// Degrees that bands may have.
+pub const DEGREES: [u32; 3] = [1, 2, 3];
+/// Maximum bytes of what all views ask of a page's Gaussians.
+const LOOKS_BYTES: u64 = 256 << 20;
+/// Views per submission.
+const STEPS_PER_SUBMISSION: u32 = 8;
+
+/// A Gaussian that gains by bands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gain {
+    /// Its number in the base.
+    pub number: u32,
+    /// Expected fall of the squared error, summed over pixels and channels of all views.
+    pub gain: f32,
+}
+
+/// Gaussians to give bands of one degree.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Promotion {
+    /// Degree of the bands; 0: none gain.
+    pub degree: u32,
+    /// In order of falling gain.
+    pub gains: Vec<Gain>,
+}
+
+impl Promotion {
+    /// Expected fall of the squared error.
+    pub fn gain(&self) -> f64 {
+        self.gains.iter().map(|found| f64::from(found.gain)).sum()
+    }
+
+    /// Size of the bands in a file.
+    pub fn bytes(&self) -> u64 {
+        self.gains.len() as u64 * band_bytes(self.degree)
+    }
+}
+
+/// What one degree gains.
+#[derive(Default)]
+struct Fitted {
+    /// Gaussians whose gain is above 0, by number.
+    gains: Vec<Gain>,
+    /// Their coefficients.
+    fits: Vec<[f32; 3]>,
+}
+
+/// A running search.
+pub struct Bands {
+    rig: Rig,
+    model: Model,
+    renderer: Renderer,
+    steps: Steps,
+    page: usize,
+    fitted: [Fitted; DEGREES.len()],
+}
+
+/// Pipelines and buffers.
+pub(crate) struct Rig {
+    background: [f32; 3],
+    image: [bands_image::Stage; 2],
+    look: [bands_look::Stage; 2],
+    fit: [bands_fit::Stage; DEGREES.len()],
+    /// By view, then by place.
+    pub(crate) looks: Buffer<[f32; 4]>,
+    /// By degree: gains by place, and coefficients by coefficient, then by place.
+    pub(crate) gains: [Buffer<f32>; DEGREES.len()],
+    pub(crate) fits: [Buffer<[f32; 3]>; DEGREES.len()],
+}
+
+impl Rig {
+    /// For pages of `places` Gaussians.
+    pub(crate) fn new(session: &Session, views: u32, places: u32) -> Result<Self, GpuError> {
+        let Session { context, policy, background, .. } = session;
+        let workgroup_size = context.info().workgroup(WORKGROUP);
+        let image = |second| bands_image::Stage::new(context, &bands_image::Spec { workgroup_size, second });
+        let look = |second| {
+            let spec = bands_look::Spec { workgroup_size, second, packed_records: policy.packed };
+            bands_look::Stage::new(context, &spec)
+        };
+        let fit = |sh_degree| bands_fit::Stage::new(context, &bands_fit::Spec { workgroup_size, sh_degree });
+        let [first, second, third] = DEGREES;
+        let device = |len: usize| Buffer::new(context, "band gains", len, Location::Device);
+        let fits = |degree| {
+            let len = places as usize * layout::coefficients(degree);
+            Buffer::new(context, "band fits", len, Location::Device)
+        };
+        Ok(Rig {
+            background: *background,
+            image: [image(false)?, image(true)?],
+            look: [look(false)?, look(true)?],
+            fit: [fit(first)?, fit(second)?, fit(third)?],
+            looks: Buffer::new(context, "looks", views as usize * places as usize, Location::Device)?,
+            gains: [device(places as usize)?, device(places as usize)?, device(places as usize)?],
+            fits: [fits(first)?, fits(second)?, fits(third)?],
+        })
+    }
+
+    /// Records what a rendered view asks of the Gaussians of page `k`.
+    pub(crate) fn record_look(
+        &self,
+        recorder: &mut Recorder,
+        (model, views, raster): (&Model, &Views, &Raster),
+        (k, view): (usize, u32),
+        grid: &Grid,
+        status: &Buffer<u32>,
+    ) {
+        let Some((_, dispatch, page)) = model.pages(Segment::Base).nth(k) else { return };
+        for (image, look) in self.image.iter().zip(&self.look) {
+            image.record(
+                recorder,
+                &bands_image::Buffers {
+                    frames: &views.frames,
+                    image: &raster.buffers.image,
+                    targets: views.targets(view as usize),
+                    image_grad: &raster.buffers.image_grad,
+                },
+                &bands_image::Push { frame: view },
+                views.cameras[view as usize].pixels(),
+            );
+            raster.record_scores(recorder, grid, &views.frames, &model.population);
+            look.record_indirect(
+                recorder,
+                &bands_look::Buffers {
+                    population: &model.population,
+                    status,
+                    tile_counts: &raster.buffers.tile_counts,
+                    first_slot: &raster.buffers.first_slot,
+                    splat_colors: &raster.buffers.splat_colors,
+                    record_centres: &raster.records.record_centres,
+                    record_shapes: &raster.records.record_shapes,
+                    record_colors: &raster.records.record_colors,
+                    record_words: &raster.records.record_words,
+                    looks: &self.looks,
+                },
+                &bands_look::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    by_gaussian: raster.by_gaussian().into(),
+                    view,
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+    }
+
+    /// Records the fits of page `k`.
+    pub(crate) fn record_fits(&self, recorder: &mut Recorder, model: &Model, views: &Views, k: usize) {
+        let Some((_, dispatch, page)) = model.pages(Segment::Base).nth(k) else { return };
+        for (fit, (gains, fits)) in self.fit.iter().zip(self.gains.iter().zip(&self.fits)) {
+            fit.record_indirect(
+                recorder,
+                &bands_fit::Buffers {
+                    population: &model.population,
+                    views: &views.views,
+                    geometry: model.part(Segment::Base).geometry.page(k),
+                    looks: &self.looks,
+                    gains,
+                    fits,
+                },
+                &bands_fit::Push {
+                    segment: page.segment,
+                    page_first: page.first,
+                    stride: page.capacity,
+                    view_count: views.cameras.len() as u32,
+                },
+                &model.population_args,
+                dispatch,
+            );
+        }
+    }
+}
+
+impl Bands {
+    /// Searches the base of `scene`, in all of `views`, whose photographs must be uploaded. Waits.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the scene is empty or its colors are not constant, or there are no views; otherwise an error of the device.
+    pub fn new(session: &Session, scene: &Scene, views: &Views) -> Result<Self> {
+        let context = &session.context;
+        let count = views.cameras.len() as u32;
+        if scene.base.is_empty() || count == 0 {
+            return Err(Error::Usage("no bands to find: no Gaussians, or no views".into()));
+        }
+        if scene.base.sh_degree != 0 {
+            return Err(Error::Usage("bands are found for constant colors, and the base has bands already".into()));
+        }
+        let places = places_per_page(context, count);
+        let base = Scene { base: scene.base.clone(), origin: scene.origin, ..Scene::default() };
+        let room = Room { page: Some(places), ..Room::default() };
+        let model = Model::upload_around(context, views.origin, &base, room)?;
+        let render = RenderOptions { backward: true, policy: session.policy, ..Default::default() };
+        let mut renderer = Renderer::new(context, Needs::of(&model), views, render)?;
+        renderer.raster.make_scores()?;
+        let largest = model.part(Segment::Base).pages.iter().map(|page| page.capacity).max().unwrap_or(1);
+        let mut bands = Bands {
+            rig: Rig::new(session, count, largest)?,
+            model,
+            renderer,
+            steps: Steps::new(context, STEPS_PER_SUBMISSION)?,
+            page: 0,
+            fitted: Default::default(),
+        };
+        bands.steps.start(count + 1, false)?;
+        Ok(bands)
+    }
+
+    /// Runs until some steps are done; returns their number and that of all, or `None` at the end.
+    pub fn advance(&mut self, views: &Views) -> Result<Option<[u32; 2]>> {
+        let (each, pages) = (views.cameras.len() as u32 + 1, self.model.part(Segment::Base).pages.len());
+        loop {
+            if self.page == pages {
+                return Ok(None);
+            }
+            let before = self.page as u32 * each;
+            let Bands { rig, model, renderer, page, .. } = self;
+            let mut looking = Looking { rig, model, renderer, views, page: *page };
+            if let Some(done) = self.steps.advance(&mut looking)? {
+                return Ok(Some([before + done, pages as u32 * each]));
+            }
+            self.take()?;
+            self.page += 1;
+            if self.page < pages {
+                self.steps.start(each, false)?;
+            }
+        }
+    }
+
+    /// Reads the gains of the page that was fitted.
+    fn take(&mut self) -> Result<()> {
+        let Page { first, capacity, .. } = self.model.part(Segment::Base).pages[self.page];
+        let here = capacity.min(self.model.count_of(Segment::Base) - first) as usize;
+        for (d, degree) in DEGREES.into_iter().enumerate() {
+            let (gains, fits) = (self.rig.gains[d].download_range(0, here)?, self.rig.fits[d].download()?);
+            for (place, gain) in gains.into_iter().enumerate().filter(|(_, gain)| *gain > 0.0) {
+                self.fitted[d].gains.push(Gain { number: first + place as u32, gain });
+                let fit = (0..layout::coefficients(degree)).map(|k| fits[k * capacity as usize + place]);
+                self.fitted[d].fits.extend(fit);
+            }
+        }
+        Ok(())
+    }
+
+    /// The Gaussians to promote, for at most `most` bytes. Each gains at least `least` per byte. Of all degrees it is the one that gains
+    /// most, less the price of its bytes.
+    pub fn choose(&self, most: u64, least: f64) -> Promotion {
+        let of = |(fitted, degree): (&Fitted, u32)| {
+            let each = band_bytes(degree);
+            let mut gains = fitted.gains.clone();
+            gains.retain(|found| f64::from(found.gain) > least * each as f64);
+            gains.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.number.cmp(&b.number)));
+            gains.truncate(usize::try_from(most / each).unwrap_or(usize::MAX));
+            Promotion { degree, gains }
+        };
+        let all = self.fitted.iter().zip(DEGREES).map(of).filter(|promotion| !promotion.gains.is_empty());
+        let net = |promotion: &Promotion| promotion.gain() - least * promotion.bytes() as f64;
+        all.max_by(|a, b| net(a).total_cmp(&net(b))).unwrap_or_default()
+    }
+
+    /// `base` with the bands of a promotion: first the Gaussians without, then those with bands, each in their order.
+    pub fn promoted(&self, base: &Gaussians, promotion: &Promotion) -> Gaussians {
+        let Some(d) = DEGREES.iter().position(|&degree| degree == promotion.degree) else { return base.clone() };
+        let k = layout::coefficients(promotion.degree);
+        let mut fit_of = vec![None; base.len()];
+        for (at, found) in self.fitted[d].gains.iter().enumerate() {
+            fit_of[found.number as usize] = Some(at);
+        }
+        let mut chosen = vec![false; base.len()];
+        promotion.gains.iter().for_each(|found| chosen[found.number as usize] = true);
+        let mut all = base.clone().with_degree(promotion.degree);
+        for i in (0..base.len()).filter(|&i| chosen[i]) {
+            if let Some(at) = fit_of[i] {
+                all.sh[i * k..][..k].copy_from_slice(&self.fitted[d].fits[at * k..][..k]);
+            }
+        }
+        let mut order: Vec<usize> = (0..base.len()).collect();
+        order.sort_by_key(|&i| chosen[i]);
+        all.reordered(&order)
+    }
+}
+
+/// Gaussians whose looks fit the device's bindings and [`LOOKS_BYTES`].
+fn places_per_page(context: &Context, views: u32) -> u32 {
+    let fits = context.info().max_storage_bytes.min(LOOKS_BYTES) / (16 * u64::from(views));
+    (u32::try_from(fits).unwrap_or(u32::MAX) / WORKGROUP * WORKGROUP).max(WORKGROUP)
+}
+
+struct Looking<'a> {
+    rig: &'a Rig,
+    model: &'a Model,
+    renderer: &'a mut Renderer,
+    views: &'a Views,
+    page: usize,
+}
+
+impl Looped for Looking<'_> {
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
+        let Looking { rig, model, renderer, views, page } = self;
+        if step as usize == views.cameras.len() {
+            rig.record_fits(recorder, model, views, *page);
+            return Ok(());
+        }
+        let show = Show::all(model, rig.background);
+        let grid = renderer.record(recorder, model, views, step, &show, status)?;
+        rig.record_look(recorder, (model, views, &renderer.raster), (*page, step), &grid, status);
+        Ok(())
+    }
+
+    fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {
+        Ok(self.renderer.raster.grow(needed)?)
+    }
+}
