@@ -31,7 +31,7 @@ fn mixed(count: usize, degree: u32) -> Scene {
     Scene { base: scene.base.reordered(&order), mixed: true, ..scene }
 }
 
-/// The pictures of a scene that some Gaussians of which have no bands are those with bands of 0, to the bit; so is a step.
+/// A scene in which some Gaussians have no bands is shown like one in which these have bands of 0, to the bit.
 #[test]
 fn gaussians_without_bands_are_those_with_bands_of_0() {
     let gpu = Gpu::new();
@@ -83,7 +83,7 @@ fn gaussians_without_bands_are_those_with_bands_of_0() {
     }
 }
 
-/// A Newton step of both segments is the step of one segment, but for the bands of those that have none.
+/// A step moves all numbers of two segments like those of one; bands that do not exist stay 0.
 #[test]
 fn a_step_moves_each_class_like_gaussians_of_one_class() {
     let gpu = Gpu::new();
@@ -222,12 +222,13 @@ fn bands_are_found_where_colors_depend_on_the_view_and_gain_what_they_promise() 
         let bands = found(&gpu, &base, &views);
         let all = bands.choose(45 * band_bytes(degree), 0.0);
         let glossy = all.gains.iter().take(45).filter(|found| found.number % 5 == 0).count();
-        // Of degree 3, most of the energy is in the lower bands, and these are cheaper.
+        // If the truth has degree 3, degree 2 may explain more per byte.
         let fine = if degree == 1 { all.degree == 1 } else { all.degree > 1 };
         assert!(fine && glossy >= 40, "degree {} for {degree}; {glossy} of 45", all.degree);
         let before = error(&gpu, &base, &views);
-        // A budget takes the best; each promise is kept: no pixel overshoots, so that gains in all views are at least those in views
-        // left out.
+        // Before anything learns, the error falls by at least the gain: no pixel overshoots, and a fit explains the views that it
+        // had at least as well as views that were left out. Measured are 3.3 to 6.5 times as much, because the gain counts the
+        // weights of a pixel as 1 and neighbors here share its error.
         for most in [10_000, u64::MAX] {
             let chosen = bands.choose(most, 0.0);
             assert!(chosen.bytes() <= most && chosen.gains.is_sorted_by(|a, b| a.gain >= b.gain));
@@ -245,9 +246,9 @@ fn bands_are_found_where_colors_depend_on_the_view_and_gain_what_they_promise() 
     }
 }
 
-/// Third standing order: where nothing depends on the view, nothing gets bands.
+/// If nothing depends on the view, bands promise 0.3 % of the error. A choice without a price still takes most Gaussians.
 #[test]
-fn constant_colors_get_no_bands() {
+fn constant_colors_promise_next_to_nothing() {
     let gpu = Gpu::new();
     let truth = wall(0, |_| false);
     let views = photographed(&gpu, &truth);
@@ -256,7 +257,7 @@ fn constant_colors_get_no_bands() {
     base.base.sh.iter_mut().enumerate().for_each(|(i, c)| *c = c.map(|v| v + 0.05 * (i as f32).sin()));
     let all = found(&gpu, &base, &views).choose(u64::MAX, 0.0);
     let before = error(&gpu, &base, &views);
-    // What is left is the rounding of photographs and the same wrong neighbours in other proportions.
+    // Photographs are rounded, and views mix the wrong colors of neighbors in different proportions: 1 %.
     assert!(all.gain() < 0.01 * before, "{} of {before} by {} Gaussians", all.gain(), all.gains.len());
 }
 

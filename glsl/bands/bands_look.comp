@@ -1,8 +1,8 @@
 #version 460
 // The color that a view's pixels ask of each Gaussian, and its weight.
 //
-// One thread takes one Gaussian of a page and sums its records, which are those of blend_backward with SCORES
-// and bands_image's two passes. With w the blend weight of a pixel and r the image's difference from the
+// One thread takes one Gaussian of a page and sums its records, which are those of blend_backward with SCORES,
+// of density_image with RED_GREEN in the first pass and BLUE in the second. With w the blend weight of a pixel and r the image's difference from the
 // photograph, the color is the Gaussian's own less sum w r / sum w: if all Gaussians take theirs, no pixel
 // overshoots, since its weights sum to at most 1.
 // population, records, first_slot, tile_counts, splat_colors (by Gaussian index) -> looks: sums of red and green in the

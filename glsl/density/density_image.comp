@@ -1,13 +1,16 @@
 #version 460
-// Writes per-pixel terms of the Gaussians' scores in place of an image's gradient: blend_backward then sums
-// them by blend weight.
+// Writes per-pixel terms of the Gaussians' scores, or of the colors that a view asks of them, in place of an
+// image's gradient: blend_backward then sums them by blend weight.
 //
-// One thread takes one pixel of a frame. frames, image, targets -> image_grad: mean |difference| of the
-// channels, 1, 0; all 0 if the pixel does not count or its error is not finite.
+// One thread takes one pixel of a frame. frames, image, targets -> image_grad: two numbers by TERMS, and 0; all
+// 0 if the pixel does not count or its error is not finite.
 #extension GL_GOOGLE_include_directive : require
 #include "../shared/common.glsl"
 #include "../shared/unit.glsl"
 #include "../shared/ssim.glsl"
+#include "../shared/density.glsl"
+
+layout(constant_id = 1) const uint TERMS = ERRORS;
 
 layout(push_constant, scalar) uniform Push {
     uint frame; // index in frames
@@ -25,11 +28,12 @@ void main() {
     uint target = targets[frame.target_first + pixel];
     vec3 shown = image[frame.image_first + pixel].rgb, wanted;
     for (uint c = 0; c < 3; ++c) wanted[c] = target_channel(target, c);
-    vec3 off = abs(shown - wanted);
-    float error = (off.x + off.y + off.z) / 3.0;
+    vec3 off = shown - wanted;
+    float error = (abs(off.x) + abs(off.y) + abs(off.z)) / 3.0;
     bool fine = counts(target) && error <= FLOAT_MAX; // guard: density: pixels that count; density: errors that are finite
     uint at = 3 * (frame.image_first + pixel);
-    image_grad[at] = fine ? error : 0.0;
-    image_grad[at + 1] = fine ? 1.0 : 0.0;
+    vec2 terms = TERMS == RED_GREEN ? off.xy : vec2(TERMS == BLUE ? off.z : error, 1.0);
+    image_grad[at] = fine ? terms.x : 0.0;
+    image_grad[at + 1] = fine ? terms.y : 0.0;
     image_grad[at + 2] = 0.0;
 }

@@ -16,6 +16,11 @@ const uint PULL = 2;      // sum of the length of the mean's gradient in the ima
 const uint SEEN = 3;      // number of views that blend the Gaussian
 const uint SCORES = 4;    // number of components
 
+// Terms that density_image writes; two of three components are used.
+const uint ERRORS = 0;    // mean |difference| of the channels, and 1
+const uint RED_GREEN = 1; // differences of red and green
+const uint BLUE = 2;      // difference of blue, and 1
+
 // Strategies.
 const uint MCMC = 0;
 const uint ADC = 1;

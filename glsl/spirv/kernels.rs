@@ -125,9 +125,8 @@ pub struct View {
 }
 use crate::gpu::KernelInfo;
 /// Every kernel, by name.
-pub const ALL: [KernelInfo; 60] = [
+pub const ALL: [KernelInfo; 59] = [
     KernelInfo::of::<bands_fit::Kernel>(),
-    KernelInfo::of::<bands_image::Kernel>(),
     KernelInfo::of::<bands_look::Kernel>(),
     KernelInfo::of::<density_apply::Kernel>(),
     KernelInfo::of::<density_draw::Kernel>(),
@@ -188,7 +187,7 @@ pub const ALL: [KernelInfo; 60] = [
     KernelInfo::of::<fma_rate::Kernel>(),
 ];
 /// The names of all stages.
-pub const NAMES: &[&str] = &["bands_fit", "bands_image", "bands_look", "density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
+pub const NAMES: &[&str] = &["bands_fit", "bands_look", "density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
 kernel! {
     /// `glsl/bands/bands_fit.comp`
     bands_fit, Thread, subgroups false, barriers false, features [],
@@ -202,19 +201,6 @@ kernel! {
         Read looks: [f32; 4] = 0b1111,
         Write gains: f32 = 0b1,
         Write fits: [f32; 3] = 0b111,
-    }
-}
-kernel! {
-    /// `glsl/bands/bands_image.comp`
-    bands_image, Thread, subgroups false, barriers false, features [],
-    spirv "bands_image.spv" "bands_image.spv",
-    push { frame: u32, }
-    spec { 0 workgroup_size: u32, 1 second: bool, }
-    buffers {
-        Read frames: Frame = 0b0,
-        Read image: [f32; 4] = 0b1111,
-        Read targets: u32 = 0b0,
-        Write image_grad: f32 = 0b1,
     }
 }
 kernel! {
@@ -273,7 +259,7 @@ kernel! {
     density_image, Thread, subgroups false, barriers false, features [],
     spirv "density_image.spv" "density_image.spv",
     push { frame: u32, }
-    spec { 0 workgroup_size: u32, }
+    spec { 0 workgroup_size: u32, 1 terms: u32, }
     buffers {
         Read frames: Frame = 0b0,
         Read image: [f32; 4] = 0b1111,
@@ -1190,6 +1176,9 @@ pub mod density {
 #[doc = "sum of the length of the mean's gradient in the image, in halves of its sides"] pub const PULL: u32 = 2;
 #[doc = "number of views that blend the Gaussian"] pub const SEEN: u32 = 3;
 #[doc = "number of components"] pub const SCORES: u32 = 4;
+#[doc = "mean |difference| of the channels, and 1"] pub const ERRORS: u32 = 0;
+#[doc = "differences of red and green"] pub const RED_GREEN: u32 = 1;
+#[doc = "difference of blue, and 1"] pub const BLUE: u32 = 2;
 #[doc = ""] pub const MCMC: u32 = 0;
 #[doc = ""] pub const ADC: u32 = 1;
 #[doc = ""] pub const BUDGET: u32 = 2;

@@ -55,6 +55,9 @@ time of longer training. The plan is printed first: the gain of each kind, and t
 training photos are used; the gain is then measured on the test photos. --method augs is the paper's method: it fits 2D \
 Gaussians to the base's errors in each photo, lifts them into the scene and optimizes them together with the base's opacities.
 
+If the base has constant colors (train --sh-degree 0), Gaussians that gain by bands of harmonics get them. In the same bytes \
+such a base has 3.6 times as many Gaussians as one of degree 3.
+
 Examples:
   glint enhance garden --base base.ply -o augmented.ply
   glint enhance garden --base point_cloud.ply -o augmented.ply --ratio 0.05 --max-size 800

@@ -66,8 +66,8 @@ impl Columns {
         Ok(Columns { places, filter: element.scalar(FILTER), plain: plain.then(integers), sh_degree, lobed })
     }
 
-    /// Finds the columns of `learned`, for a base of this degree.
-    fn learned(element: &Element, sh_degree: u32) -> Result<Columns, String> {
+    /// Finds the columns of an element that changes a base of this degree.
+    fn changed(element: &Element, sh_degree: u32) -> Result<Columns, String> {
         let all = columns(sh_degree, false);
         let rest = all.iter().filter(|(_, place)| place.is_rest()).count();
         let places: Vec<_> =
@@ -75,7 +75,8 @@ impl Columns {
         let there = places.iter().filter(|(_, place)| place.is_rest()).count();
         if there != 0 && there != rest {
             let prefix = color::of(sh_degree).ply_prefix;
-            return Err(format!("element `{LEARNED}` has {there} of {rest} properties `{prefix}*`"));
+            let element = &element.name;
+            return Err(format!("element `{element}` has {there} of {rest} properties `{prefix}*`"));
         }
         Ok(Columns { places, filter: None, plain: None, sh_degree, lobed: false })
     }
@@ -84,13 +85,12 @@ impl Columns {
     fn bands(element: &Element) -> Result<Columns, String> {
         let scalars = || element.properties.iter().filter(|p| !p.is_list());
         let sh_degree = degree_of(BANDS, |prefix| scalars().filter(|p| p.name.starts_with(prefix)).count())?;
-        let rest = columns(sh_degree, false).into_iter().filter(|(_, place)| place.is_rest());
-        let find = |(name, place): (String, Place)| {
-            let lacks = || format!("element `{BANDS}` lacks property `{name}`");
-            Ok((element.scalar(&name).ok_or_else(lacks)?, place))
-        };
-        let places = rest.map(find).collect::<Result<Vec<_>, String>>()?;
-        Ok(Columns { places, filter: None, plain: None, sh_degree, lobed: false })
+        let mut columns = Columns::changed(element, sh_degree)?;
+        columns.places.retain(|(_, place)| place.is_rest());
+        match color::of(sh_degree).harmonics {
+            Some(1..) => Ok(columns),
+            _ => Err(format!("element `{BANDS}` has {}; expected degree 1 to 3", color::of(sh_degree).name)),
+        }
     }
 
     /// Gives the last Gaussians of `base` their bands.
@@ -202,7 +202,7 @@ pub(super) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Result<Scene
     let extra_columns =
         ply.element(SUPPLEMENT).map(|element| Columns::find(element, true)).transpose().map_err(fail)?;
     let sh_degree = base_columns.sh_degree;
-    let learned_columns = ply.element(LEARNED).map(|element| Columns::learned(element, sh_degree));
+    let learned_columns = ply.element(LEARNED).map(|element| Columns::changed(element, sh_degree));
     let learned_columns = learned_columns.transpose().map_err(fail)?;
 
     if ply.element(LEARNED).is_some() && ply.element(BANDS).is_some() {
@@ -553,6 +553,32 @@ mod tests {
         let more = "comment glint element augmented 3\ncomment glint property float x\nend_header\n";
         let gone = text.replace("end_header\n", more);
         assert_eq!(parse_scene(gone.as_bytes(), path).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_damaged_bands_element_is_explained() {
+        let file = |vertex: &str, bands: &str, rows: &str| {
+            let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 1\n");
+            columns(0, false).iter().for_each(|(name, _)| text += &format!("property float {name}\n"));
+            let zeros = "0 0 0 0 0 0 0 0 0 0 1 0 0 0";
+            format!("{text}{vertex}comment glint element {bands}end_header\n{zeros}\n{rows}")
+        };
+        let properties = |count: usize| -> String {
+            (0..count).map(|i| format!("comment glint property float f_rest_{i}\n")).collect()
+        };
+        let good = file("", &format!("bands 1\n{}", properties(9)), "1 2 3 4 5 6 7 8 9\n");
+        let scene = parse_scene(good.as_bytes(), Path::new("a.ply")).unwrap();
+        assert!(scene.mixed && scene.base.sh_degree == 1 && scene.base.sh[1] == [1.0, 4.0, 7.0]);
+        let two = file("", &format!("bands 2\n{}", properties(9)), &"1 2 3 4 5 6 7 8 9\n".repeat(2));
+        expect(two.as_bytes(), &["`bands` has 2 rows for 1 of `vertex`", "constant colors"]);
+        expect(file("", &format!("bands 0\n{}", properties(8)), "").as_bytes(), &["`bands` has 8 properties"]);
+        let none = file("", "bands 0\ncomment glint property float label\n", "");
+        expect(none.as_bytes(), &["`bands` has SH degree 0; expected degree 1 to 3"]);
+        let nan = file("", &format!("bands 1\n{}", properties(9)), "1 2 nan 4 5 6 7 8 9\n");
+        expect(nan.as_bytes(), &["f_rest_2"]);
+        let both = good
+            .replace("end_header", "comment glint element learned 0\ncomment glint property float opacity\nend_header");
+        expect(both.as_bytes(), &["`learned` and `bands`"]);
     }
 
     #[test]

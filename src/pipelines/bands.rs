@@ -1,7 +1,7 @@
 //! Finds the Gaussians of a constant color that gain by bands of harmonics (method, section 8).
 //!
-//! For each page of Gaussians: (render → two passes of (differences → blend_backward of scores → look)) for each view, then a fit for
-//! each degree. Gains count what bands explain in views that were not fitted, so that noise has none.
+//! For each page of Gaussians: (render → two passes of (density_image → blend_backward of scores → bands_look)) for each view, then
+//! bands_fit for each degree. A gain counts views that were left out of the fit, so that of noise is not above 0 in the mean.
 
 use super::{
     model::{Model, Room, Segment},
@@ -16,12 +16,18 @@ use crate::{
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
     scene::{Gaussians, Scene, layout},
-    stages::{WORKGROUP, bands_fit, bands_image, bands_look, status::Resource, types::Page},
+    stages::{
+        WORKGROUP, bands_fit, bands_look,
+        constants::density::{BLUE, RED_GREEN},
+        density_image,
+        status::Resource,
+        types::Page,
+    },
 };
 
 /// Degrees that bands may have.
 pub const DEGREES: [u32; 3] = [1, 2, 3];
-/// Maximum bytes of what all views ask of a page's Gaussians.
+/// Maximum bytes of the looks of a page.
 const LOOKS_BYTES: u64 = 256 << 20;
 /// Views per submission.
 const STEPS_PER_SUBMISSION: u32 = 8;
@@ -56,7 +62,7 @@ impl Promotion {
     }
 }
 
-/// What one degree gains.
+/// Gains and coefficients of one degree.
 #[derive(Default)]
 struct Fitted {
     /// Gaussians whose gain is above 0, by number.
@@ -78,7 +84,8 @@ pub struct Bands {
 /// Pipelines and buffers.
 pub(crate) struct Rig {
     background: [f32; 3],
-    image: [bands_image::Stage; 2],
+    /// Of each pass.
+    image: [density_image::Stage; 2],
     look: [bands_look::Stage; 2],
     fit: [bands_fit::Stage; DEGREES.len()],
     /// By view, then by place.
@@ -93,7 +100,7 @@ impl Rig {
     pub(crate) fn new(session: &Session, views: u32, places: u32) -> Result<Self, GpuError> {
         let Session { context, policy, background, .. } = session;
         let workgroup_size = context.info().workgroup(WORKGROUP);
-        let image = |second| bands_image::Stage::new(context, &bands_image::Spec { workgroup_size, second });
+        let image = |terms| density_image::Stage::new(context, &density_image::Spec { workgroup_size, terms });
         let look = |second| {
             let spec = bands_look::Spec { workgroup_size, second, packed_records: policy.packed };
             bands_look::Stage::new(context, &spec)
@@ -107,7 +114,7 @@ impl Rig {
         };
         Ok(Rig {
             background: *background,
-            image: [image(false)?, image(true)?],
+            image: [image(RED_GREEN)?, image(BLUE)?],
             look: [look(false)?, look(true)?],
             fit: [fit(first)?, fit(second)?, fit(third)?],
             looks: Buffer::new(context, "looks", views as usize * places as usize, Location::Device)?,
@@ -129,13 +136,13 @@ impl Rig {
         for (image, look) in self.image.iter().zip(&self.look) {
             image.record(
                 recorder,
-                &bands_image::Buffers {
+                &density_image::Buffers {
                     frames: &views.frames,
                     image: &raster.buffers.image,
                     targets: views.targets(view as usize),
                     image_grad: &raster.buffers.image_grad,
                 },
-                &bands_image::Push { frame: view },
+                &density_image::Push { frame: view },
                 views.cameras[view as usize].pixels(),
             );
             raster.record_scores(recorder, grid, &views.frames, &model.population);

@@ -21,7 +21,7 @@ use crate::{
     stages::{
         WORKGROUP,
         blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len},
-        constants::density::{ADC, ALIVE, BUDGET, CANDIDATES, MCMC, NEW, OLD, SCORES, WORDS},
+        constants::density::{ADC, ALIVE, BUDGET, CANDIDATES, ERRORS, MCMC, NEW, OLD, SCORES, WORDS},
         density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
         density_weigh,
     },
@@ -328,7 +328,7 @@ impl Density {
             scores: Planes::zeroed(context, "scores", SCORES as usize, &part.pages)?,
             told,
             stages: Stages {
-                image: density_image::Stage::new(context, &density_image::Spec { workgroup_size })?,
+                image: density_image::Stage::new(context, &density_image::Spec { workgroup_size, terms: ERRORS })?,
                 score: density_score::Stage::new(
                     context,
                     &density_score::Spec {

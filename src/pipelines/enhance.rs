@@ -137,7 +137,7 @@ pub enum Event {
     Batch { batch: usize, batches: usize, views: Range<usize> },
     /// The views of the batch are being refined in image space.
     Screen { batch: usize, batches: usize, progress: screen::Progress },
-    /// What bands would gain is being measured.
+    /// The gain of bands is being measured.
     Bands { step: u32, steps: u32 },
     /// The base is being trained for a short time, to measure the gain.
     Weigh { step: u32, steps: u32 },
@@ -159,7 +159,7 @@ pub enum Event {
 pub struct Times {
     /// Rendering the base and computing its losses.
     pub base: Duration,
-    /// Measuring what bands would gain.
+    /// Measuring the gain of bands.
     pub bands: Duration,
     /// Measuring the gain of longer training.
     pub weigh: Duration,
@@ -237,7 +237,7 @@ pub struct Enhancer {
     renderer: Renderer,
     refiner: Option<Refiner>,
     pursuit: Option<Pursuit>,
-    /// What bands gain, until the plan is made.
+    /// The search for bands, until the plan is made.
     bands: Option<Box<Bands>>,
     original: Gaussians,
     /// The trained base is worse than the original.
@@ -388,9 +388,9 @@ impl Enhancer {
         Scene { base: self.original.clone(), origin: self.model.scene_origin, ..Scene::default() }
     }
 
-    /// Gives bands to the Gaussians that gain more by them, per byte, than the last placed Gaussian, as far as bytes are left.
-    fn promote(&mut self, views: &Views, placed: &Placed, least_gain: f32) -> Result<()> {
-        let Some(bands) = self.bands.take() else { return Ok(()) };
+    /// Gives bands to Gaussians that gain more by them, per byte, than the last placed Gaussian gains, as far as bytes are left.
+    fn promote(&mut self, views: &Views, least_gain: f32) -> Result<()> {
+        let (Some(bands), Some(placed)) = (self.bands.take(), self.found.placed.last()) else { return Ok(()) };
         let [lobe, plain] = self.allowance.prices();
         let price = |lift: &Lift| if lift.lobe_width > 0.0 { lobe } else { plain };
         let last = placed.lifts.last().zip(placed.gains.last());
@@ -456,15 +456,14 @@ impl Enhancer {
             return Ok(Some(Event::Place(progress)));
         }
         let joining = joining.take();
-        let placed = pursuit.placed()?;
         self.model.learn_counts()?;
-        self.found.placed.push(placed.clone());
+        self.found.placed.push(pursuit.placed()?);
         let Some(trainer) = joining else {
             let placements = self.options.pursuit.placements.max(1);
             let (choice, least) = (pursuit.choice()?, pursuit.least_gain());
             let steps = [placements, self.found.steps];
             let spending = Spending::new(&self.allowance, steps, &choice, least, self.training_on.as_ref());
-            self.promote(views, &placed, least)?;
+            self.promote(views, least)?;
             self.found.spending = Some(spending.with_bands(&self.found.promotion, &choice));
             self.next = Next::Begin;
             return Ok(Some(Event::Planned));

@@ -10,7 +10,6 @@
 
 pub mod adam;
 pub mod bands_fit;
-pub mod bands_image;
 pub mod bands_look;
 pub mod betas;
 pub mod blend;

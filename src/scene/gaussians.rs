@@ -120,8 +120,8 @@ pub struct Scene {
     pub base: Gaussians,
     /// The Gaussians that augmentation added.
     pub supplement: Option<Supplement>,
-    /// Only some Gaussians of the base have bands: the leading ones whose bands are all 0 ([`Gaussians::constants`]) take no memory for
-    /// them on the device or in a PLY file.
+    /// Whether only some Gaussians of the base have bands: the leading ones whose bands are all 0 ([`Gaussians::constants`]) then take no
+    /// memory for them on the device or in a PLY file. Bands of 0 alone do not say so: training begins with them.
     pub mixed: bool,
     /// Origin of the means in world coordinates, scene units. It is not 0 for scenes so far from the world's
     /// origin that float32 cannot hold their means there (georeferenced ones).

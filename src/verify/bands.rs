@@ -1,4 +1,4 @@
-//! Verifies the search for bands: what views ask of Gaussians, and the fits.
+//! Verifies the search for bands: looks and fits.
 
 use glam::{DMat3, DVec3};
 

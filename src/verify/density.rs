@@ -8,7 +8,7 @@ use crate::{
     scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, OPACITY, quads, sh_planes},
     stages::{
         WORKGROUP,
-        constants::density::{ADC, BUDGET, MCMC, SCORES, WORDS},
+        constants::density::{ADC, BLUE, BUDGET, ERRORS, MCMC, RED_GREEN, SCORES, WORDS},
         density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
         density_weigh,
         status::{self, Resource, Status},
@@ -102,14 +102,17 @@ fn image(bench: &Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
     let targets_there = Buffer::from_slice(context, "targets", &targets)?;
     let image_grad = Buffer::<f32>::zeroed(context, "image_grad", 3 * image.len())?;
     let workgroup_size = context.info().workgroup(WORKGROUP);
-    let stage = density_image::Stage::new(context, &density_image::Spec { workgroup_size })?;
     let buffers = density_image::Buffers {
         frames: &frames_there,
         image: &image_there,
         targets: &targets_there,
         image_grad: &image_grad,
     };
-    bench.run(|recorder| stage.record(recorder, &buffers, &density_image::Push { frame: 1 }, pixels))
+    for terms in [ERRORS, RED_GREEN, BLUE] {
+        let stage = density_image::Stage::new(context, &density_image::Spec { workgroup_size, terms })?;
+        bench.run(|recorder| stage.record(recorder, &buffers, &density_image::Push { frame: 1 }, pixels))?;
+    }
+    Ok(())
 }
 
 fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> Result<()> {

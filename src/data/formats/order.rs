@@ -1,7 +1,6 @@
 //! Orders Gaussians along a space-filling curve, so that neighbours in a file are neighbours in the scene.
 
 use super::floaters;
-use crate::scene::Gaussians;
 
 /// Bits per axis.
 const BITS: u32 = 21;
@@ -61,19 +60,6 @@ fn spread(bits: u64) -> u64 {
     ]
     .into_iter()
     .fold(bits, |bits, (shift, mask)| (bits | bits << shift) & mask)
-}
-
-/// The Gaussians with these indices, in this order.
-pub(super) fn take(gaussians: &Gaussians, order: &[usize]) -> Gaussians {
-    let k = gaussians.sh_coefficients();
-    Gaussians {
-        sh_degree: gaussians.sh_degree,
-        means: order.iter().map(|&i| gaussians.means[i]).collect(),
-        log_scales: order.iter().map(|&i| gaussians.log_scales[i]).collect(),
-        quats: order.iter().map(|&i| gaussians.quats[i]).collect(),
-        opacities: order.iter().map(|&i| gaussians.opacities[i]).collect(),
-        sh: order.iter().flat_map(|&i| &gaussians.sh[i * k..(i + 1) * k]).copied().collect(),
-    }
 }
 
 #[cfg(test)]

@@ -191,7 +191,7 @@ fn harmonic_byte(value: f32) -> u8 {
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let gaussians = &file.scene.base;
     let (order, fill) = chunks(gaussians);
-    let mut sorted = order::take(gaussians, &order);
+    let mut sorted = gaussians.reordered(&order);
     let mut notes = Vec::new();
     if !fill.is_empty() {
         sorted.opacities[fill.clone()].fill(f32::MIN);

@@ -2,28 +2,14 @@
 
 use glam::DVec3;
 
-use super::{Outcome, failed, page, pixels, records_of};
+use super::{Outcome, failed, page, records_of};
 use crate::{
     reference as twin,
     scene::layout::{self, MEAN},
     stages::kernels,
 };
 
-twins!(bands_fit, bands_image, bands_look);
-
-pub(super) fn bands_image(h: kernels::bands_image::Host<'_>) -> Outcome {
-    let frame = &h.frames[h.push.frame as usize];
-    let here = pixels(frame);
-    let count = here.len().min(h.workgroups.threads());
-    let image: Vec<[f64; 4]> = h.image[here.clone()][..count].iter().map(|p| p.map(f64::from)).collect();
-    let targets = &h.targets[frame.target_first as usize..][..count];
-    for (pixel, parts) in twin::bands_image::bands_image(&image, targets, h.spec.second).into_iter().enumerate() {
-        for (c, part) in parts.into_iter().enumerate() {
-            h.image_grad[3 * (here.start + pixel) + c] = part as f32;
-        }
-    }
-    Ok(())
-}
+twins!(bands_fit, bands_look);
 
 pub(super) fn bands_look(h: kernels::bands_look::Host<'_>) -> Outcome {
     let kernels::bands_look::Push { segment, page_first, stride, by_gaussian, view } = h.push;

@@ -36,7 +36,7 @@ pub(super) fn density_image(h: kernels::density_image::Host<'_>) -> Outcome {
     let count = here.len().min(h.workgroups.threads());
     let image: Vec<[f64; 4]> = h.image[here.clone()][..count].iter().map(|p| p.map(f64::from)).collect();
     let targets = &h.targets[frame.target_first as usize..][..count];
-    for (pixel, parts) in twin::density_image::density_image(&image, targets).into_iter().enumerate() {
+    for (pixel, parts) in twin::density_image::density_image(&image, targets, h.spec.terms).into_iter().enumerate() {
         for (c, part) in parts.into_iter().enumerate() {
             h.image_grad[3 * (here.start + pixel) + c] = part as f32;
         }

@@ -29,7 +29,7 @@ const LONGEST_SIDE: usize = 16383;
 /// [`Error::Usage`] if there are more Gaussians than pixels in the largest image.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
     let Scene { base: gaussians, origin, .. } = &file.scene;
-    let sorted = order::take(gaussians, &order::along_curve(&gaussians.means));
+    let sorted = gaussians.reordered(&order::along_curve(&gaussians.means));
     let count = sorted.len();
     // Nearly square, both sides multiples of four.
     let width = ((count as f64).sqrt().ceil() as usize).next_multiple_of(4).max(4);
