@@ -185,6 +185,8 @@ impl Steps {
         let Steps { context, status, readback, batch, done, run, .. } = self;
         while !run.tight && run.next < run.until && run.in_flight.len() < IN_FLIGHT {
             let mut recorder = context.recorder("steps")?;
+            // The copy of `status` that ends the submission before may still read it.
+            recorder.barrier();
             if run.timed && (run.submitted < TIMED_FIRST || run.submitted.is_multiple_of(TIMED_OF)) {
                 recorder.time_stages();
             }
