@@ -8,9 +8,7 @@ of the preset `mcmc` of its example trainer: of 30,000 steps, in the same propor
 points and the test photos (every 8th by name, the first too) are those of glint; the background is black. Models that are no pinholes are
 refused. Seconds are those of the steps alone, and gsplat compiles its kernels when it is first called, which `warm` has done before.
 
-What has been run of this file: all but `main`, on a CPU by torch 2.15, with a rasterizer and a strategy that stand in for gsplat's (600
-steps of 300 points of garden at 24 pixels). With gsplat itself, which needs CUDA, it has not been run; names and arguments of its calls
-were compared with the source of gsplat 1.5.3.
+It has run with gsplat 1.5.3, torch 2.11 and CUDA 13 on an H200.
 """
 
 import argparse

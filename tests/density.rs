@@ -120,10 +120,10 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
             assert!(bits(&tight.download().unwrap()) == before);
         }
     }
-    // Random rounding changes packed moments, though not their mean: the mean loss of 32 steps differs by 0.8
-    // % here, and may differ more with another device's random numbers.
+    // Random rounding changes packed moments, though not their mean. Over ten seeds the mean loss of 32 steps
+    // differs by 1.1 % (standard deviation) on llvmpipe and 1.2 % on an H200, on average by 0.1 and −0.3 %.
     let [.., full, half] = last_losses[..] else { panic!("{last_losses:?}") };
-    assert!((half / full - 1.0).abs() < 0.03 && half != full, "{half} with packed moments, {full} without");
+    assert!((half / full - 1.0).abs() < 0.05 && half != full, "{half} with packed moments, {full} without");
 }
 
 /// Compares the size of the parameters in the file, since a checkpoint does not state the number of

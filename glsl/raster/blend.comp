@@ -1,7 +1,7 @@
 #version 460
 // Blends each tile's splats front to back into color and transmittance.
 //
-// One subgroup takes one tile, see shared/tile.glsl; no shared memory, no workgroup barrier.
+// One subgroup takes one tile, see shared/tile.glsl; no workgroup barrier.
 // tile_ranges, isect_slots, rank_blocks, global_from_rank, splats, splat_colors or packed_splats, depth_keys, scene_depths, tile_list,
 // tile_list_count -> image (rgb with background, transmittance), median_ids
 // Kerbl 2023, section 4. A pixel takes a Gaussian if and only if alpha >= 1/255, and stops before
@@ -62,32 +62,55 @@ float T[PIXELS]; // negative if the pixel is finished; transmittance is the abso
 vec3 color[PIXELS];
 uint median[PIXELS];
 float farthest[PIXELS]; // camera z
-// The splat that this lane has loaded.
-Splat own;
-vec3 tint;
-float depth;
-uint global;
+// A splat, as its lane has loaded it.
+struct Loaded {
+    vec4 shape; // see Splat
+    vec2 centre;
+    vec3 rgb;
+    uint id;
+    float depth;
+};
+Loaded own;
+// On a GPU, the splats of each lane, for the others to read: three instructions, where broadcasts take ten and
+// a tenth longer (H200).
+shared uvec4 loaded[3 * gl_WorkGroupSize.x];
+
+void hand_out() {
+    uint at = 3 * gl_LocalInvocationIndex;
+    subgroupBarrier(); // the splats before have been taken
+    loaded[at] = floatBitsToUint(own.shape);
+    loaded[at + 1] = uvec4(floatBitsToUint(own.centre), own.id, floatBitsToUint(own.depth));
+    loaded[at + 2] = uvec4(floatBitsToUint(own.rgb), 0);
+    subgroupBarrier();
+}
+
+// The splat of lane `j`.
+Loaded splat_of(uint j) {
+    if (UNROLLED) {
+        return Loaded(handed(own.shape, j), handed(own.centre, j), handed(own.rgb, j), handed(own.id, j), handed(own.depth, j));
+    }
+    uint at = 3 * (gl_SubgroupID * gl_SubgroupSize + j);
+    uvec4 more = loaded[at + 1];
+    return Loaded(uintBitsToFloat(loaded[at]), uintBitsToFloat(more.xy), uintBitsToFloat(loaded[at + 2].xyz), more.z,
+                  uintBitsToFloat(more.w));
+}
 
 // Blends the splat of lane `j` into the tile.
 void take(uint j) {
-    vec2 centre = handed(own.centre, j);
-    vec4 shape = handed(own.shape, j);
-    vec3 rgb = handed(tint, j);
-    precise float u0 = shape.x * (x - centre.x);
-    uint id = MEDIAN ? handed(global, j) : 0;
-    float z = OCCLUDED ? handed(depth, j) : 0.0;
+    Loaded splat = splat_of(j);
+    precise float u0 = splat.shape.x * (x - splat.centre.x);
     [[unroll]] for (uint k = 0; k < PIXELS; ++k) {
-        float dy = float(corner_y + lane_y(k)) + 0.5 - centre.y;
-        Response e = respond(u0, shape.y, shape.z, dy, shape.w);
+        float dy = float(corner_y + lane_y(k)) + 0.5 - splat.centre.y;
+        Response e = respond(u0, splat.shape.y, splat.shape.z, dy, splat.shape.w);
         // All later splats are farther still.
-        if (OCCLUDED && z > farthest[k]) T[k] = -abs(T[k]);
+        if (OCCLUDED && splat.depth > farthest[k]) T[k] = -abs(T[k]);
         // Selected instead of branched on: a branch would skip little.
         precise float next = T[k] * (1.0 - e.alpha);
         bool met = e.alpha >= ALPHA_MIN; // guard: α from 1/255 on
         bool taken = met && next >= T_MIN;
-        color[k] += taken ? e.alpha * T[k] * rgb : vec3(0.0);
+        color[k] += taken ? e.alpha * T[k] * splat.rgb : vec3(0.0);
         T[k] = taken ? next : met ? -abs(T[k]) : T[k];
-        if (MEDIAN) median[k] = taken && median[k] == NONE && next < push.median_threshold ? id : median[k];
+        if (MEDIAN) median[k] = taken && median[k] == NONE && next < push.median_threshold ? splat.id : median[k];
     }
 }
 
@@ -122,22 +145,25 @@ void main() {
         if (subgroupAll(most < 0.0)) break;
         uint mine = first + gl_SubgroupInvocationID;
         // Lanes beyond the range have opacity 0: no pixel takes them.
-        own = Splat(vec4(0.0), vec2(0.0));
-        tint = vec3(0.0);
-        depth = 0.0;
+        own = Loaded(vec4(0.0), vec2(0.0), vec3(0.0), 0, 0.0);
         if (mine < range.y) {
-            global = isect_slots[mine];
+            uint global = isect_slots[mine];
             if (!DIRECT) global = global_from_rank[rank_of(rank_blocks[global / SLOTS_PER_BLOCK], global)];
+            Splat splat;
             if (PACKED_SPLATS) {
                 PackedSplat packed = packed_splats[global];
-                own = unpack_splat(packed);
-                tint = unpack_color(packed);
+                splat = unpack_splat(packed);
+                own.rgb = unpack_color(packed);
             } else {
-                own = splats[global];
-                tint = splat_colors[global];
+                splat = splats[global];
+                own.rgb = splat_colors[global];
             }
-            if (OCCLUDED) depth = uintBitsToFloat(depth_keys[global]);
+            own.shape = splat.shape;
+            own.centre = splat.centre;
+            if (MEDIAN) own.id = global;
+            if (OCCLUDED) own.depth = uintBitsToFloat(depth_keys[global]);
         }
+        if (!UNROLLED) hand_out();
         if (UNROLLED) {
             [[unroll]] for (uint j = 0; j < LANES; ++j) take(j);
         } else {

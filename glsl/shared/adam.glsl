@@ -64,13 +64,14 @@ void step_geometry(uint q, uint place, vec4 g, vec4 rate) {
     if (writes_second()) geometry_moments[at + push.stride] = second;
 }
 
-// Steps a Gaussian that learns only its opacity: both moments are in one quad.
+// Steps a Gaussian that learns only its opacity: both moments are in one quad, or in its first word.
 void step_opacity(uint place, float g) {
     vec2 corrections = vec2(push.rates.first_correction, push.rates.second_correction);
     float first = geometry_moments[place].x, second = geometry_moments[place].y;
     float change = step_one(OPACITY, place, g, push.rates.opacity, corrections, first, second);
     store_geometry(OPACITY, place, load_geometry(OPACITY, place) + change);
-    geometry_moments[place].xy = vec2(first, second);
+    geometry_moments[place].x = first;
+    if (!PACKED) geometry_moments[place].y = second;
 }
 
 // Newton steps of harmonics use the curvature of the constant coefficient, channel by channel (method,

@@ -84,7 +84,7 @@ pub struct Bands {
 /// Pipelines and buffers.
 pub(crate) struct Rig {
     background: [f32; 3],
-    /// Of each pass.
+    /// One for each pass.
     image: [density_image::Stage; 2],
     look: [bands_look::Stage; 2],
     fit: [bands_fit::Stage; DEGREES.len()],

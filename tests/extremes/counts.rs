@@ -393,6 +393,19 @@ fn a_trainer_begins_with_room_for_what_is_there() {
     assert!(more < 220 * u64::from(room), "{more} bytes");
 }
 
+/// Room for the trainers of these tests.
+const BUDGET: u64 = 128 << 20;
+
+/// Takes all but `left` bytes of `BUDGET`. Once a trainer is made, because making it needs more than it keeps.
+fn ballast(gpu: &Gpu, left: u64) -> Vec<Buffer<u8>> {
+    let piece = || Buffer::<u8>::new(gpu, "ballast", 1 << 16, Location::Device).ok();
+    let mut pieces: Vec<_> = iter::from_fn(piece).collect();
+    while BUDGET - gpu.memory().used < left {
+        pieces.pop().unwrap();
+    }
+    pieces
+}
+
 /// If memory runs out in the middle of a run, it is an error, and the result so far can be resumed.
 #[test]
 fn training_that_runs_out_of_memory_keeps_what_it_learned() {
@@ -422,9 +435,9 @@ fn training_that_runs_out_of_memory_keeps_what_it_learned() {
     assert!(whole.report().steps.grown == 1 && after > before);
     let want = model.download().unwrap();
 
-    let tight =
-        Gpu::with(ContextOptions { memory_budget: Some(before + (after - before) / 2), ..ContextOptions::from_env() });
+    let tight = Gpu::with(ContextOptions { memory_budget: Some(BUDGET), ..ContextOptions::from_env() });
     let (mut cut, tight_model, tight_views) = trainer(&tight);
+    let _ballast = ballast(&tight, (after - before) / 2);
     let error = loop {
         match cut.advance(&tight_model, &tight_views) {
             Ok(done) => assert!(done.is_some_and(|done| done < 8), "it fits"),
@@ -473,17 +486,10 @@ fn training_that_nearly_fills_its_room_goes_on_in_it_where_there_is_no_more() {
         trainer.start(false).unwrap();
         (trainer, model, views)
     };
-    // After the trainer is made, all but `left` bytes of the budget are taken, since making it needs more
-    // than it keeps.
-    let budget = 128 << 20;
     let run = |left: Option<u64>| {
-        let gpu = &Gpu::with(ContextOptions { memory_budget: Some(budget), ..ContextOptions::from_env() });
+        let gpu = &Gpu::with(ContextOptions { memory_budget: Some(BUDGET), ..ContextOptions::from_env() });
         let (mut trainer, model, views) = trainer(gpu);
-        let piece = || Buffer::<u8>::new(gpu, "ballast", 1 << 16, Location::Device).ok();
-        let mut ballast: Vec<_> = left.map_or(Vec::new(), |_| iter::from_fn(piece).collect());
-        while left.is_some_and(|left| budget - gpu.memory().used < left) {
-            ballast.pop().unwrap();
-        }
+        let ballast = left.map(|left| ballast(gpu, left));
         let before = gpu.memory().used;
         while trainer.advance(&model, &views).unwrap().is_some() {}
         let (after, report) = (gpu.memory().used, trainer.report());

@@ -189,7 +189,7 @@ impl Training<'_> {
             0 => String::new(),
             halvings => format!(", photos at 1/{}", 1 << halvings),
         };
-        let lately = self.trainer.lately(done, self.views.cameras.len());
+        let lately = self.trainer.lately(done, self.views.photos as usize);
         let gaussians = self.trainer.gaussians();
         self.bar.say(learned(lately, gaussians, &self.session.context) + &small);
         let (gaussians, seconds) = (gaussians.unwrap_or(self.course.first), self.clocks.seconds());
@@ -223,7 +223,7 @@ impl Training<'_> {
         };
         let (seconds, began) = (self.clocks.seconds(), Instant::now());
         let losses = self.trainer.losses(self.at.done);
-        let loss = mean_loss(&losses[losses.len().saturating_sub(self.views.cameras.len())..]);
+        let loss = mean_loss(&losses[losses.len().saturating_sub(self.views.photos as usize)..]);
         let bytes = scene.base.len() as u64 * gaussian_bytes(self.course.sh_degree, false);
         let options = RenderOptions { policy: self.session.policy, ..Default::default() };
         history.add(scene, Moment { step: self.at.taken, seconds, bytes, loss }, options)?;
@@ -251,7 +251,7 @@ impl Training<'_> {
     /// Prints the report of a run that resumed after `had` steps and wrote this number of Gaussians.
     pub(super) fn finish(self, had: u32, gaussians: usize, interrupt: Interrupt) -> Outcome {
         let Training { args, session, course, mut trainer, kept, bar, at, clocks, .. } = self;
-        let (context, photos) = (&session.context, self.views.cameras.len());
+        let (context, photos) = (&session.context, self.views.photos as usize);
         let trained = trainer.stop()?;
         let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
         let device_megabytes = context.memory().most_used as f64 / 1e6;
