@@ -145,13 +145,13 @@ pub(super) struct PhotoArgs {
     /// Downscale photos to at most this many pixels on the longer side. If images_2, images_4 or images_8
     /// holds all photos at exactly that size, it is used, unless --images or --reduce is given [default: as
     /// the scene was trained, else 1600]
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..), alias = "max-resolution")]
     max_size: Option<u32>,
     /// Filter for downscaling photos [default: area]
     #[arg(long, value_enum)]
     reduce: Option<Reduce>,
-    /// Color behind the scene and behind transparent pixels: black, white or R,G,B with sRGB values from 0
-    /// to 1 [default: as the scene was trained, else black]
+    /// Color behind the scene and behind transparent pixels: black, white, #RRGGBB, #RGB, or R,G,B with sRGB
+    /// values from 0 to 1 [default: as the scene was trained, else black]
     #[arg(long, value_name = "COLOR", value_parser = parse_background)]
     background: Option<[f32; 3]>,
 }
@@ -237,11 +237,23 @@ fn parse_background(text: &str) -> Result<[f32; 3], String> {
         "white" => return Ok([1.0; 3]),
         _ => {}
     }
+    if let Some(digits) = text.strip_prefix('#') {
+        return hex_color(digits).ok_or_else(|| "expected three or six hexadecimal digits, such as #fff".into());
+    }
     let values: Option<Vec<f32>> = text.split(',').map(|v| v.trim().parse().ok()).collect();
     let color = values.and_then(|v| <[f32; 3]>::try_from(v).ok());
     color
         .filter(|color| color.iter().all(|v| (0.0..=1.0).contains(v)))
-        .ok_or_else(|| "expected black, white or three numbers from 0 to 1 such as 0.2,0.2,0.2".into())
+        .ok_or_else(|| "expected black, white, #RRGGBB or three numbers from 0 to 1 such as 0.2,0.2,0.2".into())
+}
+
+fn hex_color(digits: &str) -> Option<[f32; 3]> {
+    let digits: Option<Vec<u32>> = digits.chars().map(|c| c.to_digit(16)).collect();
+    match digits?[..] {
+        [r, g, b] => Some([r, g, b].map(|digit| digit as f32 / 15.0)),
+        [r, s, g, h, b, c] => Some([[r, s], [g, h], [b, c]].map(|[high, low]| (16 * high + low) as f32 / 255.0)),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -249,10 +261,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn backgrounds_are_names_or_three_numbers() {
+    fn backgrounds_are_names_hexadecimal_or_three_numbers() {
         assert_eq!(parse_background("white"), Ok([1.0; 3]));
+        assert_eq!(parse_background("#fff"), Ok([1.0; 3]));
+        assert_eq!(parse_background("#3300Cc"), Ok([0.2, 0.0, 0.8]));
         assert_eq!(parse_background("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
-        for bad in ["", "grey", "1,1", "0,0,0,0", "0,0,255", "0,0,nan", "-1,0,0"] {
+        for bad in
+            ["", "grey", "#", "#ff", "#ggg", "#ffff", "#+1+1+1", "1,1", "0,0,0,0", "0,0,255", "0,0,nan", "-1,0,0"]
+        {
             assert!(parse_background(bad).is_err(), "{bad}");
         }
     }

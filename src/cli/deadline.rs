@@ -8,10 +8,7 @@
 //! No step begins after the end. A run therefore overruns by the step in progress, plus any steps submitted
 //! before their duration was known.
 
-use std::{
-    fmt::Display,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
 /// Number of steps assumed before the first plan; few steps run under this guess.
 pub(super) const FIRST: u32 = 100_000;
@@ -196,22 +193,6 @@ impl Deadline {
     }
 }
 
-/// Parses "90", "90s", "5m" or "1.5h".
-pub(super) fn duration(text: &str) -> Result<Duration, String> {
-    let fail = |why: &dyn Display| format!("{why}, expected a time such as 90s, 5m or 1.5h");
-    let (number, unit) = match text.char_indices().last() {
-        Some((at, 's')) => (&text[..at], 1.0),
-        Some((at, 'm')) => (&text[..at], 60.0),
-        Some((at, 'h')) => (&text[..at], 3600.0),
-        _ => (text, 1.0),
-    };
-    let number: f64 = number.parse().map_err(|error| fail(&error))?;
-    match number > 0.0 && number * unit <= 1e7 {
-        true => Ok(Duration::from_secs_f64(number * unit)),
-        false => Err(fail(&"not between 0 and 2777 hours")),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -326,17 +307,5 @@ mod tests {
         assert!(!deadline.is_due(102, at(61)) && deadline.is_due(151, at(65)));
         assert_eq!(deadline.plan(151, at(65), Duration::ZERO), Plan { total: 1001, done: 151 });
         assert!(!deadline.is_over(at(149)) && deadline.is_over(at(150)));
-    }
-
-    #[test]
-    fn times_have_units() {
-        let seconds = |text| duration(text).map(|d| d.as_secs_f64()).ok();
-        assert_eq!(
-            [seconds("90"), seconds("90s"), seconds("5m"), seconds("1.5h")].map(Option::unwrap),
-            [90.0, 90.0, 300.0, 5400.0]
-        );
-        for bad in ["", "s", "0", "-1m", "nan", "inf", "1e9h", "5x"] {
-            assert_eq!(seconds(bad), None, "{bad}");
-        }
     }
 }

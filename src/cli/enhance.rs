@@ -18,14 +18,13 @@ use super::{
     DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
     counted,
     dataset::{check_sight, upload},
-    deadline::duration,
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, settings},
     lock::Lock,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::note,
-    tell_run,
+    tell_run, units,
 };
 use crate::{
     Error, Result,
@@ -195,17 +194,17 @@ pub(super) struct Args {
     /// Method that finds the added Gaussians
     #[arg(long, value_enum, default_value_t)]
     method: Method,
-    /// Maximum number of added Gaussians, per Gaussian of the base, from 0 to 10 [default: those that gain
+    /// Maximum number of added Gaussians, per Gaussian of the base, such as 0.1 or 10%, up to 10 [default: those that gain
     /// more than longer training, at most 0.25; 0.1 with --method augs]
-    #[arg(long, value_parser = parse_ratio)]
+    #[arg(long, value_parser = units::share(0.0..=10.0))]
     ratio: Option<f64>,
     /// Maximum size of the added Gaussians in the file, such as 500kB or 2MB. A changed base stored next to
     /// the original one does not count
-    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
+    #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
     /// Time until the scene is written, such as 60s or 5m; the joint phase has as many steps as fit. Two
     /// runs differ
-    #[arg(long, value_parser = duration)]
+    #[arg(long, value_parser = units::duration)]
     #[serde(skip)]
     time: Option<Duration>,
     #[command(flatten)]
@@ -243,19 +242,6 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(flatten)]
     choices: ChoiceArgs,
-}
-
-fn parse_ratio(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|r| (0.0..=10.0).contains(r)).ok_or_else(|| "expected a number from 0 to 10".into())
-}
-
-/// Parses "500", "500kB", "2MB" or "1.5GB".
-fn parse_bytes(text: &str) -> Result<u64, String> {
-    let units = [("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B", 1.0)];
-    let (number, unit) =
-        units.iter().find_map(|(name, of)| Some((text.strip_suffix(name)?, *of))).unwrap_or((text, 1.0));
-    let number = number.trim_end().parse().ok().map(|number: f64| number * unit).filter(|n| (0.0..=1e15).contains(n));
-    number.map(|n| n as u64).ok_or_else(|| "expected a number of bytes such as 500kB or 2MB".into())
 }
 
 fn parse_share(text: &str) -> Result<f32, String> {
@@ -516,18 +502,5 @@ fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
             (0, _) => "nothing was added: no candidate that gains something fits the budget",
             _ => "nothing was added: longer training gains more than Gaussians do; the scene is unchanged",
         });
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bytes_have_units() {
-        let bytes = |text| parse_bytes(text).ok();
-        let right = ["2MB", "500kB", "1.5 GB", "7B", "12"].map(bytes);
-        assert_eq!(right, [2_000_000, 500_000, 1_500_000_000, 7, 12].map(Some));
-        assert_eq!(["-1MB", "2TB", "", "NaN", "1e9GB"].map(bytes), [None; 5]);
     }
 }

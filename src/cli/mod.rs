@@ -28,6 +28,7 @@ mod render;
 mod report;
 mod synth;
 mod train;
+mod units;
 mod verify;
 #[cfg(feature = "view")]
 mod view;
@@ -96,6 +97,7 @@ struct Cli {
 enum Command {
     Demo(demo::Args),
     Train(train::Args),
+    #[command(alias = "augment")]
     Enhance(enhance::Args),
     #[cfg(feature = "view")]
     View(Box<view::Args>),

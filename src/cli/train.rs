@@ -14,14 +14,14 @@ use serde_json::json;
 use super::{
     DeviceArgs, DrawArgs, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
     dataset::{check_sight, upload},
-    deadline::{Deadline, FIRST, MOST, duration},
+    deadline::{Deadline, FIRST, MOST},
     history::History,
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, settings},
     lock::Lock,
     output::{Inputs, OutputArgs, check_room},
     progress::{Progress, note},
-    tell_run,
+    tell_run, units,
 };
 use crate::{
     Error, Result,
@@ -86,17 +86,17 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "PLY")]
     #[serde(skip)]
     output: PathBuf,
-    /// Number of steps, one photo each
-    #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST)))]
+    /// Number of steps, one photo each, such as 7000 or 7k
+    #[arg(long, value_name = "N", default_value_t = BaseOptions::default().iterations, value_parser = units::count(1..=MOST), alias = "steps")]
     iterations: u32,
     /// Train for this time instead of a number of steps: 90s, 5m, 1.5h, including the reading of photos.
     /// glint derives the number of steps from their duration, and all schedules end with the last step.
     /// Evaluations by --eval-every come on top. Two runs differ
-    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "iterations")]
+    #[arg(long, value_name = "TIME", value_parser = units::duration, conflicts_with = "iterations")]
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "in_seconds")]
     time: Option<Duration>,
     /// Evaluate on the test photos after every N steps and at the end
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX))]
     #[serde(skip)]
     eval_every: Option<u32>,
     /// Degree of the spherical harmonics, 0 to 3
@@ -110,7 +110,7 @@ pub(super) struct Args {
     /// are none. Fewer train faster [default: all sparse points; without any, a quarter of --gaussians, or
     /// one for each pixel of the largest photo, at most 25000; four times as many random ones if the
     /// strategy is not budget]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX))]
     points: Option<u32>,
     /// Start from this file instead of the dataset's points: a PLY of points (and their colors), or the
     /// Gaussians of any scene or checkpoint
@@ -123,7 +123,7 @@ pub(super) struct Args {
     /// Maximum number of Gaussians; the default strategy grows to this number [default: 4× the initial
     /// number, clamped to between one per 256 and one per 16 training pixels, and to the device's memory;
     /// the initial number with --strategy fixed or a scene as --init]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX), alias = "cap-max")]
     gaussians: Option<u32>,
     /// Strategy that prunes and multiplies Gaussians
     #[arg(long, value_enum, default_value_t)]

@@ -129,12 +129,31 @@ fn a_run_takes_the_time_that_it_was_given_with_its_schedule_complete() {
     assert_eq!(report["gaussians"], 300);
     assert!(report["iterations"].as_u64().unwrap() > 64, "{report}");
     assert_eq!(files(work.0.path()), ["data", "out.ply"]);
-    let refused = [("--time 5x", "90s"), ("--time 0", "90s"), ("--time 5s --iterations 3", "cannot be used")];
+    let refused = [
+        ("--time 5x", "90s"),
+        ("--time 5", "no unit"),
+        ("--time 0s", "not between"),
+        ("--time 5s --iterations 3", "cannot be used"),
+    ];
     for (option, words) in refused {
         let output = work.run(&format!("train data -o other.ply {option}"));
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.code() == Some(2) && said.contains(words), "{option}: {said}");
     }
+}
+
+/// The names of gsplat and Brush, and numbers as people write them.
+#[test]
+fn options_have_the_names_and_numbers_of_other_trainers() {
+    let work = Work::new();
+    let report = work.json(
+        "train data -o out.ply --steps 0.002k --points 100 --cap-max 0.2k --max-resolution 40 --background #fff --json",
+    );
+    assert_eq!([&report["iterations"], &report["gaussians"]], [2, 100]);
+    let said = work.ok("augment data --base out.ply -o more.ply --ratio 10% --time 2s");
+    assert!(said.contains("at most 10 Gaussians"), "{said}");
+    let with = &work.json("info out.ply --json")["trained_with"];
+    assert_eq!((&with["background"], &with["max_size"]), (&serde_json::json!([1.0, 1.0, 1.0]), &40.into()));
 }
 
 /// A regression test: at least 65 steps were taken, about 20 s here.
