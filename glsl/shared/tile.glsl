@@ -3,8 +3,8 @@
 // One subgroup takes one tile of TILE_WIDTH x TILE_HEIGHT pixels. A lane takes PIXELS of its pixels, in one
 // column, so that the offset in x is computed once. TILE_WIDTH divides the subgroup size and TILE_WIDTH *
 // TILE_HEIGHT = subgroup size * PIXELS.
-// A lane loads one splat, then all lanes take the splats in turn: one load instruction serves a whole subgroup
-// of splats.
+// A lane loads one splat, then all lanes take the splats in turn. One load instruction thus loads as many
+// splats as the subgroup has lanes.
 layout(constant_id = 1) const uint TILE_WIDTH = 8;
 layout(constant_id = 2) const uint TILE_HEIGHT = 8;
 layout(constant_id = 3) const uint PIXELS = 8;

@@ -248,7 +248,7 @@ fn exposures_that_were_killed_go_on_to_the_same_bits() {
     work.killed(&format!("{TRAIN} --exposure --halvings 2 -o out.ply"), CHECKPOINT);
     let report = work.json(&format!("{TRAIN} --exposure --halvings 2 -o out.ply --json"));
     assert!((1..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
-    // Their smaller versions do not count.
+    // Smaller versions of the photos do not count.
     assert_eq!(report["photos"], 7);
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
     let told = |report: &Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
