@@ -465,6 +465,25 @@ def evaluate(scene: Scene | _Path, dataset: _Path, **options: _Any) -> _Any:
         return _report("eval", [path, dataset], options)
 
 
+def partition(dataset: _Path, output: _Path, **options: _Any) -> _Any:
+    """Cuts a dataset into parts that train by themselves, as `glint partition` does, and writes the plan to `output`, a JSON file.
+
+    Returns what `glint partition --json` prints. `train` and `enhance` take the plan as their dataset, with `part`. `glint_splat.cluster`
+    trains all parts on a Ray cluster.
+
+    Raises InputError if the dataset has no sparse points, or no cut keeps the limits.
+    """
+    return _report("partition", [dataset], {**options, "output": output})
+
+
+def merge(plan: _Path, parts: list[_Path], output: _Path, **options: _Any) -> _Any:
+    """Merges the trained parts of a plan into `output`, a PLY file, as `glint merge` does. Returns what `glint merge --json` prints.
+
+    Raises InputError if a part is missing, unfinished or of another plan.
+    """
+    return _report("merge", [plan, *parts], {**options, "output": output})
+
+
 def verify(dataset: _Path | None = None, scene: _Path | None = None, **options: _Any) -> _Any:
     """Compares every kernel on a device with its float64 twin. Returns what `glint verify --json` prints.
 
@@ -503,6 +522,8 @@ for _function, _command, _taken in (
     (train, "train", ("output", "json", "view")),
     (enhance, "enhance", ("base", "output", "json", "view")),
     (evaluate, "eval", ("json",)),
+    (partition, "partition", ("output", "json")),
+    (merge, "merge", ("output", "json")),
     (verify, "verify", ("json", "explain")),
 ):
     _describe(_function, _command, _taken)

@@ -251,7 +251,7 @@ impl Scene {
             ..scene::Scene::default()
         };
         check_scene(&scene)?;
-        let trained_with = TrainedWith { background, antialiased, max_size, exposure: None };
+        let trained_with = TrainedWith { background, antialiased, max_size, ..TrainedWith::default() };
         Ok(Scene::of(SceneFile { trained_with, ..scene.into() }))
     }
 

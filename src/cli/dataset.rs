@@ -8,7 +8,10 @@ use glam::DVec3;
 use super::progress::{Progress, note};
 use crate::{
     Error, Result,
-    data::{Alpha, Dataset, DatasetOptions, Holdout, NEAR, Photo, PixelSource, Reduce, Split, TrainedWith},
+    data::{
+        Alpha, Dataset, DatasetOptions, Holdout, NEAR, Photo, PixelSource, Reduce, Split, TrainedWith, counted,
+        plan::{Plan, is_plan},
+    },
     gpu::Context,
     pipelines::{start::upload_photos, views::Views},
     report::summary::DatasetSummary,
@@ -33,19 +36,35 @@ pub(super) struct DatasetArgs {
     /// Meaning of transparent pixels in photos
     #[arg(long, value_enum, default_value_t, help_heading = "Dataset")]
     alpha: Alpha,
+    /// The dataset is a plan of glint partition: read this part of it, from 0. The plan decides all other
+    /// options of the dataset
+    #[arg(long, value_name = "N", help_heading = "Dataset", conflicts_with_all = ["images", "model", "holdout"])]
+    part: Option<u32>,
 }
 
 impl DatasetArgs {
-    /// Reads the dataset and prints its notes.
-    pub(super) fn open(&self, path: &Path, options: DatasetOptions) -> Result<Dataset> {
-        let options = DatasetOptions {
+    /// Adds these options.
+    fn options(&self, options: DatasetOptions) -> DatasetOptions {
+        DatasetOptions {
             images: self.images.clone(),
             model: self.model.clone(),
             holdout: self.holdout.unwrap_or_default(),
             alpha: self.alpha,
             ..options
+        }
+    }
+
+    /// Reads the dataset, or the part of a plan, and prints its notes.
+    pub(super) fn open(&self, path: &Path, options: DatasetOptions) -> Result<Dataset> {
+        let dataset = match self.part {
+            Some(part) => Plan::read(path)?.open(path, part)?,
+            None if path.is_file() && is_plan(path)? => {
+                let parts = Plan::read(path)?.parts.len();
+                let what = format!("is a plan of {}: --part N names one", counted(parts, "part"));
+                return Err(Error::input(path, what));
+            }
+            None => Dataset::open(path, &self.options(options))?,
         };
-        let dataset = Dataset::open(path, &options)?;
         let found = DatasetSummary::of(&dataset);
         for size in &found.sizes {
             tracing::info!("{} photos of {} × {}", size.photos, size.width, size.height);
@@ -199,7 +218,7 @@ impl PhotoArgs {
             background: Some(self.background()),
             antialiased: Some(antialiased),
             max_size: self.max_size,
-            exposure: None,
+            ..TrainedWith::default()
         }
     }
 
@@ -208,14 +227,39 @@ impl PhotoArgs {
         self.dataset.holdout.unwrap_or_default().to_string()
     }
 
-    /// Reads the dataset and prints its notes.
+    /// With --part, the settings of the plan at `path`, which decides them.
+    ///
+    /// # Errors
+    /// If other ones were given.
+    pub(super) fn of_plan(&self, path: &Path) -> Result<PhotoArgs> {
+        if self.dataset.part.is_none() {
+            return Ok(self.clone());
+        }
+        let DatasetOptions { max_size, background, reduce, .. } = Plan::read(path)?.options;
+        let differs = [
+            self.max_size.is_some_and(|given| Some(given) != max_size).then_some("--max-size"),
+            self.background.is_some_and(|given| given != background).then_some("--background"),
+            self.reduce.is_some_and(|given| given != reduce).then_some("--reduce"),
+        ];
+        if let Some(option) = differs.into_iter().flatten().next() {
+            return Err(Error::input(path, format!("the plan was made with another {option} than is given here")));
+        }
+        Ok(PhotoArgs { max_size, background: Some(background), reduce: Some(reduce), ..self.clone() })
+    }
+
+    /// Reads the dataset, or the part of a plan, and prints its notes.
     pub(super) fn open(&self, path: &Path) -> Result<Dataset> {
+        Ok(self.open_with_options(path)?.0)
+    }
+
+    /// [`PhotoArgs::open`] with all options that the dataset was read with.
+    pub(super) fn open_with_options(&self, path: &Path) -> Result<(Dataset, DatasetOptions)> {
         let reduce = self.reduce.unwrap_or_default();
         let (max_size, background) = (self.max_size.unwrap_or(DEFAULT_MAX_SIZE), self.background());
         let reduced_folders = self.max_size.is_some() && self.reduce.is_none();
         let options =
             DatasetOptions { max_size: Some(max_size), reduce, reduced_folders, background, ..Default::default() };
-        let dataset = self.dataset.open(path, options)?;
+        let dataset = self.dataset.open(path, options.clone())?;
         let reduced = dataset.photos.iter().filter(|photo| match &photo.pixels {
             PixelSource::File(file) => file.size.iter().any(|&side| side > max_size),
             PixelSource::Memory(_) => false,
@@ -227,7 +271,7 @@ impl PhotoArgs {
                 dataset.photos.len()
             ));
         }
-        Ok(dataset)
+        Ok((dataset, self.dataset.options(options)))
     }
 }
 

@@ -269,10 +269,11 @@ impl Args {
         let end = self.time.map(|time| Instant::now() + time);
         let SceneFile { scene, trained_with, .. } = self.base_scene()?;
         let (photo_args, draw) = (self.photos.like(trained_with, &self.base), self.draw.like(trained_with, &self.base));
+        let photo_args = photo_args.of_plan(&self.dataset)?;
         let dataset = photo_args.open(&self.dataset)?;
         let policy = draw.policy();
-        let trained_with =
-            TrainedWith { exposure: trained_with.exposure, ..photo_args.trained_with(policy.compensate) };
+        let (part, exposure) = (dataset.part, trained_with.exposure);
+        let trained_with = TrainedWith { exposure, part, ..photo_args.trained_with(policy.compensate) };
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
         // Positions far from 0 would be rounded when they learn. A scene whose origin is elsewhere keeps
@@ -348,10 +349,10 @@ impl Args {
             silent: self.json,
         };
         let mut found = run_with_progress(&session, scene, &views, options, beside, look_at)?;
-        // Written before anything else can fail.
-        write_ply(&self.output, &found.scene, found.original.as_ref(), *trained_with)?;
         let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
         let ended = interrupt.asked() && found.join.is_some() && joint_steps < found.steps;
+        // Written before anything else can fail.
+        write_ply(&self.output, &found.scene, found.original.as_ref(), trained_with.ended(!ended))?;
         drop(interrupt);
         if let (Some(kept), false) = (&kept, ended) {
             kept.remove()?;

@@ -19,9 +19,11 @@ mod info;
 mod interrupt;
 mod kept;
 mod lock;
+mod merge;
 mod names;
 mod output;
 mod pages;
+mod partition;
 mod picture;
 mod progress;
 mod render;
@@ -108,6 +110,8 @@ enum Command {
     Export(export::Args),
     Report(report::Args),
     Synth(synth::Args),
+    Partition(partition::Args),
+    Merge(merge::Args),
     Devices(devices::Args),
     Verify(verify::Args),
     Completions(pages::CompletionsArgs),
@@ -194,6 +198,8 @@ fn run(command: &Command) -> Outcome {
         Command::Export(args) => args.run(),
         Command::Report(args) => args.run(),
         Command::Synth(args) => args.run(),
+        Command::Partition(args) => args.run(),
+        Command::Merge(args) => args.run(),
         Command::Devices(args) => args.run(),
         Command::Verify(args) => args.run(),
         Command::Completions(args) => args.run(),

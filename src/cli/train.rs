@@ -246,8 +246,15 @@ impl Args {
         }
         let policy = draw.policy();
         let exposure = self.exposure.then_some(true);
-        let trained_with = TrainedWith { exposure, ..photo_args.trained_with(policy.compensate) };
+        photo_args = photo_args.of_plan(&self.dataset)?;
         let mut dataset = photo_args.open(&self.dataset)?;
+        let part = dataset.part;
+        if self.exposure && part.is_some() {
+            let what = "the mean of a part's --exposure maps is the identity, so that parts would not fit together; expected \
+                        photos of one exposure";
+            return Err(Error::Usage(what.into()).into());
+        }
+        let trained_with = TrainedWith { exposure, part, ..photo_args.trained_with(policy.compensate) };
         self.check_asked(&dataset)?;
         let mut inputs = Inputs::default().dataset(&dataset);
         if let Some(init) = &self.init {

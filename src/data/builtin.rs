@@ -115,6 +115,8 @@ impl BuiltinScene {
             outside: 0.0,
             sources: Vec::new(),
             notes: Vec::new(),
+            part: None,
+            gaussians: None,
         }
     }
 }

@@ -29,9 +29,13 @@ mod lens;
 #[cfg(feature = "train")]
 mod listing;
 #[cfg(feature = "train")]
+mod merge;
+#[cfg(feature = "train")]
 mod names;
 #[cfg(feature = "train")]
 mod photo;
+#[cfg(feature = "train")]
+pub mod plan;
 pub mod ply;
 mod ply_columns;
 mod ply_format;
@@ -75,6 +79,8 @@ pub(crate) use left_out::counted;
 #[cfg(feature = "train")]
 pub use lens::{Distortion, Frame, Lens, Polynomial};
 #[cfg(feature = "train")]
+pub use merge::{PartSummary, merge};
+#[cfg(feature = "train")]
 pub use photo::{
     Alpha, DIFFUSE, Dataset, DatasetKind, DatasetOptions, Holdout, Image, ImageFile, Photo, PixelSource, SPECULAR,
     Split,
@@ -92,7 +98,7 @@ pub use scenes::{parse_scene, read_scene, read_scene_file, read_scene_file_lenie
 pub use scenes::{write_ply, write_scene, write_scene_as, write_scene_file};
 #[cfg(feature = "train")]
 pub use tensors::{read_tensors, read_tensors_about, write_tensors, write_tensors_about};
-pub use trained_with::TrainedWith;
+pub use trained_with::{PartOf, TrainedWith};
 pub(crate) use validate::lengths;
 #[cfg(feature = "c")]
 pub(crate) use validate::make_finite;

@@ -5,9 +5,12 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::lens::Lens;
 use super::points::PointCloud;
 use super::reduce::Reduce;
+use super::trained_with::PartOf;
 use crate::scene::Camera;
 
 /// Folders next to the photos' own with their diffuse and specular parts, under the same names, if the truth
@@ -17,7 +20,7 @@ pub const DIFFUSE: &str = "diffuse";
 pub const SPECULAR: &str = "specular";
 
 /// Options for finding and preparing photos.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct DatasetOptions {
     /// Maximum longer side, pixels: larger photos are downscaled to it, smaller ones are never enlarged.
     pub max_size: Option<u32>,
@@ -39,7 +42,7 @@ pub struct DatasetOptions {
 }
 
 /// Selection of the test photos.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Holdout {
     /// The dataset's own lists; without lists, the first by name and every 8th after it.
     #[default]
@@ -82,7 +85,7 @@ impl fmt::Display for Holdout {
 }
 
 /// Meaning of transparency.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Alpha {
     /// The background shows through
@@ -208,6 +211,10 @@ pub struct Dataset {
     pub sources: Vec<PathBuf>,
     /// Notes for the user on anything left out, replaced or guessed, one sentence each.
     pub notes: Vec<String>,
+    /// The part of a [plan](super::Plan) that these photos are.
+    pub part: Option<PartOf>,
+    /// Number of Gaussians that the plan gives this part at most.
+    pub gaussians: Option<u32>,
 }
 
 impl Dataset {

@@ -3,6 +3,8 @@
 use std::io::Write;
 use std::path::Path;
 
+use glam::DVec3;
+
 use super::atomic::write_whole;
 use super::ply_columns::{BANDS, BASE, LEARNED, NO_LOBES, Place, SUPPLEMENT, columns, number};
 use super::ply_format::write_comments;
@@ -42,15 +44,19 @@ pub(super) fn write(path: &Path, shown: Option<&Gaussians>, scene: &Scene, train
     let supplement = scene.supplement.as_ref().map(|s| Rows::whole(&s.gaussians, Some(&s.lobes)));
     let elements = [(BASE, Some(vertex)), (BANDS, bands), (SUPPLEMENT, supplement), (LEARNED, learned)];
     write_whole(path, |file| {
-        writeln!(file, "ply\nformat binary_little_endian 1.0")?;
-        write_comments(file, scene.origin, trained_with)?;
+        begin(file, scene.origin, trained_with)?;
         for (name, rows) in &elements {
-            let prefix = if *name == BASE { "" } else { ANNOUNCED };
-            rows.iter().try_for_each(|rows| rows.write_header(file, prefix, name))?;
+            rows.iter().try_for_each(|rows| rows.write_header(file, name, rows.gaussians.len()))?;
         }
         writeln!(file, "end_header")?;
         elements.iter().filter_map(|(_, rows)| rows.as_ref()).try_for_each(|rows| rows.write(file))
     })
+}
+
+/// Writes a header up to its elements.
+pub(super) fn begin(file: &mut impl Write, origin: DVec3, trained_with: &TrainedWith) -> std::io::Result<()> {
+    writeln!(file, "ply\nformat binary_little_endian 1.0")?;
+    write_comments(file, origin, trained_with)
 }
 
 /// Bytes per Gaussian of the base, or of the supplement if `lobed`, in the file of [`super::write_scene`];
@@ -114,14 +120,16 @@ impl<'a> Rows<'a> {
         (!rows.columns.is_empty()).then_some(rows)
     }
 
-    fn of(gaussians: &'a Gaussians, lobes: Option<&'a Lobes>, which: impl Fn(Place) -> bool) -> Self {
+    /// The columns of `which`.
+    pub(super) fn of(gaussians: &'a Gaussians, lobes: Option<&'a Lobes>, which: impl Fn(Place) -> bool) -> Self {
         let all = columns(gaussians.sh_degree, lobes.is_some()).into_iter();
         let columns = all.filter(|(_, place)| which(*place)).map(|(name, place)| (name, Some(place))).collect();
         Rows { gaussians, lobes: lobes.unwrap_or(&NO_LOBES), columns }
     }
 
-    fn write_header(&self, file: &mut impl Write, prefix: &str, name: &str) -> std::io::Result<()> {
-        writeln!(file, "{prefix}element {name} {}", self.gaussians.len())?;
+    pub(super) fn write_header(&self, file: &mut impl Write, name: &str, count: usize) -> std::io::Result<()> {
+        let prefix = if name == BASE { "" } else { ANNOUNCED };
+        writeln!(file, "{prefix}element {name} {count}")?;
         self.columns.iter().try_for_each(|(name, _)| writeln!(file, "{prefix}property float {name}"))
     }
 

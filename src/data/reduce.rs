@@ -1,7 +1,7 @@
 //! Downscales pictures.
 
 /// Method of downscaling.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Reduce {
     /// Mean over each pixel's area, like a sensor with fewer, larger cells

@@ -315,6 +315,8 @@ mod tests {
             outside: 0.0,
             sources: Vec::new(),
             notes: Vec::new(),
+            part: None,
+            gaussians: None,
         }
     }
 

@@ -1,8 +1,8 @@
 //! Training settings that a scene file keeps, since they affect drawing and evaluation.
 //!
 //! In PLY files they are comments: `SplatRenderMode: mip` or `default`, as in Brush's files (Postshot's
-//! `antialiased 1` is read too), and glint's own `glint background R G B`, `glint max_size PIXELS` and `glint
-//! exposure 1`. SOG has an object `glint` next to its `antialias`; glTF has one in the extras of a node. SPZ
+//! `antialiased 1` is read too), and glint's own `glint background R G B`, `glint max_size PIXELS`, `glint
+//! exposure 1` and `glint part 3 of 8 plan 1a2b3c4d complete`. SOG has an object `glint` next to its `antialias`; glTF has one in the extras of a node. SPZ
 //! version 4 has one in an extension of glint's, next to its flag for `antialiased`.
 
 #[cfg(feature = "train")]
@@ -24,6 +24,23 @@ pub struct TrainedWith {
     /// Whether each photo had its own color map, which the scene does not include.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub exposure: Option<bool>,
+    /// The part of a plan that the scene is.
+    #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
+    pub part: Option<PartOf>,
+}
+
+/// A part of a plan (`glint partition`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "train", derive(Serialize, Deserialize))]
+pub struct PartOf {
+    /// Checksum of the plan.
+    pub plan: u32,
+    /// Number of the part, from 0.
+    pub part: u32,
+    /// Number of parts.
+    pub of: u32,
+    /// Whether its training has ended.
+    pub complete: bool,
 }
 
 impl TrainedWith {
@@ -39,6 +56,9 @@ impl TrainedWith {
             }
             ["glint", "max_size", pixels] => self.max_size = pixels.parse().ok(),
             ["glint", "exposure", yes] => self.exposure = flag(yes),
+            ["glint", "part", part, "of", of, "plan", plan, end] => {
+                self.part = PartOf::parse([part, of, plan], end == "complete");
+            }
             _ => {}
         }
         *self = self.sound();
@@ -55,11 +75,26 @@ impl TrainedWith {
     }
 }
 
+impl PartOf {
+    fn parse([part, of, plan]: [&str; 3], complete: bool) -> Option<PartOf> {
+        let plan = u32::from_str_radix(plan, 16).ok()?;
+        Some(PartOf { plan, part: part.parse().ok()?, of: of.parse().ok()?, complete })
+    }
+}
+
+impl std::fmt::Display for PartOf {
+    /// Writes `3 of 8 plan 1a2b3c4d complete`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let end = if self.complete { "complete" } else { "unfinished" };
+        write!(f, "{} of {} plan {:08x} {end}", self.part, self.of, self.plan)
+    }
+}
+
 #[cfg(feature = "train")]
 impl TrainedWith {
     /// Writes the comments that [`Self::read_comment`] reads.
     pub(super) fn write_comments(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
-        let TrainedWith { background, antialiased, max_size, exposure } = *self;
+        let TrainedWith { background, antialiased, max_size, exposure, part } = *self;
         if let Some(antialiased) = antialiased {
             writeln!(out, "comment SplatRenderMode: {}", if antialiased { "mip" } else { "default" })?;
         }
@@ -69,7 +104,10 @@ impl TrainedWith {
         if let Some(pixels) = max_size {
             writeln!(out, "comment glint max_size {pixels}")?;
         }
-        exposure.map_or(Ok(()), |exposure| writeln!(out, "comment glint exposure {}", u8::from(exposure)))
+        if let Some(exposure) = exposure {
+            writeln!(out, "comment glint exposure {}", u8::from(exposure))?;
+        }
+        part.map_or(Ok(()), |part| writeln!(out, "comment glint part {part}"))
     }
 
     /// [`Self::from_json`] in the form that serde requires.
@@ -85,6 +123,12 @@ impl TrainedWith {
     /// Reads an object that another program may have written; ignores invalid members.
     pub(crate) fn from_json(value: &serde_json::Value) -> Self {
         Self::deserialize(value).unwrap_or_default().sound()
+    }
+
+    /// These settings for a scene whose training has ended, or not.
+    pub fn ended(mut self, complete: bool) -> Self {
+        self.part = self.part.map(|part| PartOf { complete, ..part });
+        self
     }
 
     /// Whether no setting is known.
@@ -120,6 +164,7 @@ mod tests {
             antialiased: Some(true),
             max_size: Some(400),
             exposure: Some(true),
+            part: Some(PartOf { plan: 0xfe, part: 3, of: 8, complete: true }),
         };
         for trained in [all, TrainedWith { antialiased: Some(false), ..all }, TrainedWith::default()] {
             let mut written = Vec::new();
@@ -133,7 +178,7 @@ mod tests {
     fn what_others_write_is_read_and_what_is_wrong_is_passed_over() {
         assert_eq!(read("comment antialiased 1").antialiased, Some(true));
         assert_eq!(read("comment antialiased 0\ncomment SplatRenderMode: 2dgs").antialiased, Some(false));
-        let wrong = "comment glint background 1 nan 1\ncomment glint max_size 0\ncomment glint exposure maybe\ncomment antialiased yes";
+        let wrong = "comment glint background 1 nan 1\ncomment glint max_size 0\ncomment glint exposure maybe\ncomment antialiased yes\ncomment glint part 3 of x plan 1 complete";
         assert_eq!(read(wrong), TrainedWith::default());
         for json in ["5", "{\"background\": [2, 0, 0]}", "{\"background\": \"white\"}", "{\"max_size\": -1}", "null"] {
             assert!(TrainedWith::from_json(&serde_json::from_str(json).unwrap()).is_unknown(), "{json}");
@@ -145,8 +190,12 @@ mod tests {
         let trained = TrainedWith { background: Some([1.0; 3]), antialiased: Some(true), ..Default::default() };
         assert_eq!(trained.options_beyond(true), ["--background 1,1,1"]);
         assert_eq!(trained.options_beyond(false), ["--background 1,1,1", "--compensate"]);
-        let plain =
-            TrainedWith { background: Some([0.0; 3]), antialiased: Some(false), exposure: Some(true), max_size: None };
+        let plain = TrainedWith {
+            background: Some([0.0; 3]),
+            antialiased: Some(false),
+            exposure: Some(true),
+            ..Default::default()
+        };
         assert!(plain.options_beyond(false).is_empty());
     }
 }

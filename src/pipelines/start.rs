@@ -31,6 +31,18 @@ pub const RANDOM_POINTS_PER_PIXEL: usize = 4;
 /// in 500 steps gives 30.40 dB against 29.49, and in 2,000 steps 32.60 against 32.63 (two seeds).
 pub const RANDOM_NTH: usize = 4;
 
+/// Default maximum number of Gaussians, relative to the points at the start.
+const GROWTH: usize = 4;
+/// Pixels of the training photos for each Gaussian: the first bounds the default number from above, since
+/// more would explain noise. The second bounds it from below; it gives NeRF Synthetic at 800 pixels as many
+/// as 3DGS has.
+const PIXELS_EACH: [u64; 2] = [16, 256];
+/// Default maximum number of Gaussians, by the points at the start and the pixels of the training photos.
+pub fn default_gaussians(points: usize, pixels: u64) -> usize {
+    let [greatest, least] = PIXELS_EACH.map(|each| (pixels / each) as usize);
+    (GROWTH * points).max(least).min(greatest.max(points)).min(u32::MAX as usize)
+}
+
 /// Uploads the cameras of `photos` with their photographs as targets, and copies with sides halved up to
 /// `halvings` times. A masked pixel has alpha 0. Photographs are decoded a few at a time, so that the host
 /// never holds them all. Transparent pixels are blended over `background`. `progress` is called after every
@@ -212,6 +224,8 @@ mod tests {
             outside: 0.0,
             sources: Vec::new(),
             notes: Vec::new(),
+            part: None,
+            gaussians: None,
         }
     }
 
@@ -256,5 +270,17 @@ mod tests {
         assert_eq!(photos_of(&data, None).unwrap().len(), 3);
         data.photos.retain(|photo| photo.split == Split::Train);
         assert!(photos_of(&data, Some(Split::Test)).unwrap_err().to_string().contains("test split has no photos (2"));
+    }
+
+    #[test]
+    fn a_scene_may_grow_by_its_points_and_pixels() {
+        // fox, horns and garden at 128 pixels; lego at 800; garden at full size.
+        assert_eq!(default_gaussians(9216, 396_288), 24_768);
+        assert_eq!(default_gaussians(5413, 663_552), 21_652);
+        assert_eq!(default_gaussians(30_000, 2_637_824), 120_000);
+        assert_eq!(default_gaussians(25_000, 64_000_000), 250_000);
+        assert_eq!(default_gaussians(138_766, 175_000_000), 683_593);
+        // The initial points are never reduced, even if they outnumber the pixels.
+        assert_eq!([default_gaussians(300, 100), default_gaussians(0, 16)], [300, 0]);
     }
 }

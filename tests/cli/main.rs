@@ -9,6 +9,7 @@ mod flags;
 mod gpu;
 mod kept;
 mod output;
+mod parts;
 #[path = "../common/run.rs"]
 mod run;
 mod scenes;

@@ -17,8 +17,8 @@ use std::{fs, path::Path};
 
 use glint::{
     data::{
-        SceneFile, SceneFormat, TrainedWith, parse_scene, read_scene, read_scene_file, read_scene_file_leniently,
-        write_scene_as, write_scene_file,
+        PartOf, SceneFile, SceneFormat, TrainedWith, parse_scene, read_scene, read_scene_file,
+        read_scene_file_leniently, write_scene_as, write_scene_file,
     },
     reference::sample::random_scene,
     scene::{Gaussians, Scene},
@@ -171,6 +171,7 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
         antialiased: Some(true),
         max_size: Some(400),
         exposure: Some(true),
+        part: Some(PartOf { plan: 0xfe, part: 3, of: 8, complete: true }),
     };
     for &format in SceneFormat::ALL {
         let ending = format.ending;

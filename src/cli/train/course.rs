@@ -171,7 +171,8 @@ impl Training<'_> {
             self.kept.keep(found)?;
         }
         let scene = self.model.download()?;
-        write_ply(&self.args.output, &scene, None, self.trained_with)?;
+        let ended = !(interrupt.asked() && self.at.is_going_on());
+        write_ply(&self.args.output, &scene, None, self.trained_with.ended(ended))?;
         if !interrupt.asked() {
             self.evaluate(&scene)?;
         }

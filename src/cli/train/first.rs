@@ -7,19 +7,13 @@ use crate::{
     data::{Dataset, PointCloud, SceneFile, Split, is_point_cloud, read_points},
     gpu::Context,
     pipelines::{
-        start::{RANDOM_NTH, first_points},
+        start::{RANDOM_NTH, default_gaussians, first_points},
         train::LEARNED,
         views::scene_origin_for,
     },
     scene::{Camera, Gaussians, Scene, color, from_points},
 };
 
-/// Default maximum number of Gaussians, relative to the points at the start.
-const GROWTH: usize = 4;
-/// Pixels of the training photos for each Gaussian: the first bounds the default number from above, since
-/// more would explain noise. The second bounds it from below; it gives NeRF Synthetic at 800 pixels as many
-/// as 3DGS has.
-const PIXELS_EACH: [u64; 2] = [16, 256];
 /// Share of the memory for Gaussians and their intersections.
 const MEMORY_PART: f64 = 0.75;
 /// Bytes of a photo's pixel: one word, and half as much for smaller copies.
@@ -66,12 +60,6 @@ fn fit(memory: u64, bytes: u64, pixels: u64) -> usize {
     (room.max(0.0) / (bytes + WORKING_BYTES) as f64) as usize
 }
 
-/// Default maximum number of Gaussians, by the points at the start and the pixels of the training photos.
-fn most(points: usize, pixels: u64) -> usize {
-    let [greatest, least] = PIXELS_EACH.map(|each| (pixels / each) as usize);
-    (GROWTH * points).max(least).min(greatest.max(points)).min(u32::MAX as usize)
-}
-
 /// Checksum of all numbers of these Gaussians.
 pub(super) fn checksum(of: &Gaussians) -> u32 {
     let Gaussians { sh_degree, means, log_scales, quats, opacities, sh } = of;
@@ -96,7 +84,7 @@ impl Args {
 
     /// Initial Gaussians: those of a file, or made from its points, the dataset's points, or random ones.
     pub(super) fn first(&self, dataset: &mut Dataset, init: Option<SceneFile>) -> Result<First> {
-        let limit = self.gaussians.map(|n| n as usize);
+        let limit = self.gaussians.or(dataset.gaussians).map(|n| n as usize);
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
         let mut notes = Vec::new();
@@ -171,7 +159,7 @@ impl Args {
         let gaussians = from_points(&first.cloud.around(origin), &first.cloud.colors, self.degree());
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let fixed = self.strategy == Strategy::Fixed;
-        let most = limit.unwrap_or_else(|| if fixed { count } else { most(count, pixels) });
+        let most = limit.unwrap_or_else(|| if fixed { count } else { default_gaussians(count, pixels) });
         notes.extend([said, grey, far].into_iter().flatten());
         Ok(First { gaussians, origin, most, begins: 0.0, notes })
     }
@@ -213,17 +201,5 @@ mod tests {
             let mut known = cloud(colors);
             assert_eq!((grey_if_all_are_black(&mut known, "points"), &known.colors[..]), (None, colors));
         }
-    }
-
-    #[test]
-    fn a_scene_may_grow_by_its_points_and_pixels() {
-        // fox, horns and garden at 128 pixels; lego at 800; garden at full size.
-        assert_eq!(most(9216, 396_288), 24_768);
-        assert_eq!(most(5413, 663_552), 21_652);
-        assert_eq!(most(30_000, 2_637_824), 120_000);
-        assert_eq!(most(25_000, 64_000_000), 250_000);
-        assert_eq!(most(138_766, 175_000_000), 683_593);
-        // The initial points are never reduced, even if they outnumber the pixels.
-        assert_eq!([most(300, 100), most(0, 16)], [300, 0]);
     }
 }
