@@ -106,6 +106,15 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     while trainer.advance(&model, &views).unwrap().is_some() {}
     assert!(bits(&model.download().unwrap()) == want && trainer.report().losses == whole.losses);
 
+    // The last steps of a loop are in flight: they are told of all the same.
+    let model = paged(192);
+    let mut trainer = join(&session, &model, &views, &options).unwrap();
+    trainer.start(false).unwrap();
+    trainer.go_on_to(2);
+    assert_eq!(trainer.advance(&model, &views).unwrap(), Some(1));
+    assert_eq!(trainer.checkpoint(&model, &views).unwrap().step, 2);
+    assert_eq!([(); 2].map(|()| trainer.advance(&model, &views).unwrap()), [Some(2), None]);
+
     let other = paged(256);
     let mut trainer = join(&session, &other, &views, &options).unwrap();
     trainer.resume(&other, &checkpoint, false).unwrap();

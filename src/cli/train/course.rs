@@ -235,9 +235,11 @@ impl Training<'_> {
 
     fn checkpoint(&mut self) -> Result<Checkpoint> {
         let mut found = self.trainer.checkpoint(self.model, self.views)?;
+        // Steps that were in flight are done, too.
+        self.at = self.at.after(found.step);
         let Clocks { began, spent, evaluating, .. } = self.clocks;
         let milliseconds = (spent + began.elapsed().saturating_sub(evaluating)).as_millis() as u64;
-        let At { total, taken, .. } = self.at.after(found.step);
+        let At { total, taken, .. } = self.at;
         found.clock = self.args.time.map(|_| Clock { total, taken, milliseconds });
         Ok(found)
     }
