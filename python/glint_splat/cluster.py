@@ -162,13 +162,15 @@ def cluster(
 
     try:
         board = Board.remote()
-        left = [train_part.remote(part, board) for part in range(parts)]
+        left = {train_part.remote(part, board): part for part in range(parts)}
         while left:
-            done, left = ray.wait(left, timeout=_REPORT_EVERY)
+            done, _ = ray.wait(list(left), timeout=_REPORT_EVERY)
             ray.get(done)
+            for part in done:
+                del left[part]
             if show:
                 steps = ray.get(board.read.remote())
-                running = ", ".join(f"{part}: {step}/{of}" for part, (step, of) in sorted(steps.items()) if step < of)
+                running = ", ".join(f"{part}: {step}/{of}" for part, (step, of) in sorted(steps.items()) if part in left.values())
                 show(f"{parts - len(left)} of {parts} parts done" + (f"; steps of part {running}" if running else ""))
     finally:
         if started:
