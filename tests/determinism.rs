@@ -106,7 +106,7 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     while trainer.advance(&model, &views).unwrap().is_some() {}
     assert!(bits(&model.download().unwrap()) == want && trainer.report().losses == whole.losses);
 
-    // The last steps of a loop are in flight: they are told of all the same.
+    // The last steps of a loop are in flight: they are reported all the same.
     let model = paged(192);
     let mut trainer = join(&session, &model, &views, &options).unwrap();
     trainer.start(false).unwrap();

@@ -63,7 +63,7 @@ struct Totals {
 /// If a part is missing, doubled, unfinished, or of another plan, naming all of these; errors of the files.
 pub fn merge(plan: &Plan, files: &[PathBuf], output: &Path, mut progress: impl FnMut(u64)) -> Result<Vec<PartSummary>> {
     let files = in_order(plan, files)?;
-    let owners = Owners::of(plan);
+    let owners = Owners::of(&plan.parts);
     let (mut totals, mut summaries) = (Totals::default(), Vec::with_capacity(files.len()));
     for (part, path) in files.iter().enumerate() {
         let file = read_scene_file(path)?;

@@ -74,7 +74,7 @@ impl Plan {
         let names: HashSet<&String> = [&found.photos, &found.ring, &found.test].into_iter().flatten().collect();
         dataset.photos.retain(|photo| names.contains(&photo.name));
         if let Some(points) = &dataset.points {
-            let owners = Owners::of(self);
+            let owners = Owners::of(&self.parts);
             let first: usize = self.parts[..part as usize].iter().map(|part| part.seeds.len()).sum();
             let own = first as u32..(first + found.seeds.len()) as u32;
             dataset.points = Some(points.only(|at| {

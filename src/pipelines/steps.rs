@@ -72,8 +72,8 @@ struct Run {
     /// Steps beyond this one are not recorded yet.
     until: u32,
     next: u32,
-    /// Finished steps that [`Steps::advance`] has told of.
-    told: u32,
+    /// Finished steps that [`Steps::advance`] has reported.
+    reported: u32,
     submitted: usize,
     timed: bool,
     /// Too little room is left: no more submissions until there is more.
@@ -157,7 +157,7 @@ impl Steps {
     /// Starts a loop whose first `done` steps an earlier run did.
     pub fn start_at(&mut self, done: u32, total: u32, timed: bool) -> Result<()> {
         self.status.upload(0, &Status::of_steps(done).0)?;
-        self.run = Run { total, until: total, next: done, told: done, timed, ..Run::default() };
+        self.run = Run { total, until: total, next: done, reported: done, timed, ..Run::default() };
         Ok(())
     }
 
@@ -206,14 +206,14 @@ impl Steps {
         }
         let collected = self.collect(work)?;
         let run = &mut self.run;
-        // Steps that were settled are told of as well: otherwise the caller would wait for them forever.
-        let done = collected.or((run.told < run.next).then_some(run.next));
-        run.told = done.unwrap_or(run.told);
+        // Steps that were settled are reported as well: otherwise the caller would wait for them forever.
+        let done = collected.or((run.reported < run.next).then_some(run.next));
+        run.reported = done.unwrap_or(run.reported);
         Ok(done)
     }
 
     /// Waits for all work in flight, and returns the number of finished steps. The loop can continue;
-    /// [`Steps::advance`] tells of these steps as well.
+    /// [`Steps::advance`] reports these steps as well.
     pub fn settle(&mut self, work: &mut impl Looped) -> Result<u32> {
         while self.collect(work)?.is_some() {}
         Ok(self.run.next)
@@ -272,7 +272,7 @@ impl Steps {
                 self.run.report.stages.extend(stages);
             }
         }
-        (self.run.next, self.run.told) = (self.run.total, self.run.total);
+        (self.run.next, self.run.reported) = (self.run.total, self.run.total);
         Ok(Status::read(&self.status.download()?).steps())
     }
 

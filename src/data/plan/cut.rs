@@ -8,10 +8,11 @@ use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use metis::Graph;
 use metis::option::Seed;
+use rayon::prelude::*;
 
 use super::look::{Look, looks};
 use super::patches::{Patch, patches};
-use super::{Part, Plan, checksum};
+use super::{Owners, Part, Plan, checksum};
 use crate::data::{Dataset, DatasetOptions, Photo, Split};
 use crate::{Error, Result};
 
@@ -34,9 +35,12 @@ const ALL: f64 = 5e8;
 const NEIGHBOURS: usize = 6;
 /// Weight of a patch's edges to its neighbours, relative to those to cameras.
 const BETWEEN: f64 = 2.0;
-/// Photos of other parts that show a part in at least this share of their cells belong to its ring (10 %; Spirula's notes lose 0.25 dB
-/// with 20 %).
+/// A photo of another part belongs to a part's ring if at least this share of its rays passes through what the part owns.
 const RING: f64 = 0.1;
+/// A photo has a ray in every so many cells; 17 has no factor in common with the cells of a row, so rays spread over all columns.
+const RAY_EVERY: usize = 17;
+/// Places that are looked at on a ray, up to what it shows.
+const PLACES: u32 = 8;
 /// Attempts to keep the limits, each with one part more.
 const ATTEMPTS: usize = 32;
 
@@ -78,9 +82,12 @@ pub fn cut(
     let mut numbers = vec![0u32; patches.len()];
     let in_parts = (0..number_of_parts).flat_map(|which| (0..patches.len()).filter(move |&i| of_patches[i] == which));
     in_parts.enumerate().for_each(|(number, patch)| numbers[patch] = number as u32);
+    let owners = Owners::of(&parts);
+    let passes = |(photo, look): (&Photo, &Look)| passes(photo, look, &patches, &owners);
+    let passed: Vec<_> = dataset.photos.par_iter().zip(&looks).map(passes).collect();
     for (i, (photo, look)) in dataset.photos.iter().zip(&looks).enumerate() {
         let own = training.binary_search(&i).ok().map(|at| of_photos[at]);
-        add_photo(&mut parts, photo, look, own, (of_patches, &numbers));
+        add_photo(&mut parts, photo, (look, &passed[i]), own, (of_patches, &numbers));
     }
     let mut first = 0;
     for part in &mut parts {
@@ -125,30 +132,46 @@ fn seeds_of(which: usize, of_patches: &[usize], patches: &[Patch], normals: &[DV
     part
 }
 
-/// Adds a photo to its `own` part and to those that it shows, and what else it shows to their `near`. `numbers` has the
+/// The parts whose places a photo's rays pass through, in order, each with the share of these rays. A Gaussian that a part keeps lies
+/// there, so the photo has a say in it even if it shows nothing of the part: Gaussians in free space would stand before it.
+fn passes(photo: &Photo, look: &Look, patches: &[Patch], owners: &Owners) -> Vec<(usize, f64)> {
+    if !look.shows_any() {
+        return Vec::new();
+    }
+    let eye = photo.camera.eye();
+    let ends = look.patches.iter().step_by(RAY_EVERY).map(|&patch| patches[patch as usize].center);
+    let rays = ends.len() as f64;
+    let mut all: Vec<usize> = ends
+        .flat_map(|end| {
+            let at = |place| eye.lerp(end, f64::from(place) / f64::from(PLACES)).to_array();
+            let mut parts: Vec<usize> = (1..=PLACES).map(|place| owners.part(at(place)) as usize).collect();
+            parts.sort_unstable();
+            parts.dedup();
+            parts
+        })
+        .collect();
+    all.sort_unstable();
+    all.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as f64 / rays)).collect()
+}
+
+/// Adds a photo to its `own` part and to those that it passes through, and what else it shows to their `near`. `numbers` has the
 /// number of each patch in the sequence of all parts' seeds.
 fn add_photo(
     parts: &mut [Part],
     photo: &Photo,
-    look: &Look,
+    (look, passed): (&Look, &[(usize, f64)]),
     own: Option<usize>,
     (of_patches, numbers): (&[usize], &[u32]),
 ) {
     if !look.shows_any() {
         return;
     }
-    let labels: Vec<usize> = look.patches.iter().map(|&patch| of_patches[patch as usize]).collect();
-    let mut shown = labels.clone();
-    shown.sort_unstable();
-    for same in shown.chunk_by(|a, b| a == b) {
-        let (which, share) = (same[0], same.len() as f64 / labels.len() as f64);
-        if own != Some(which) && share < RING {
-            continue;
-        }
+    let enough = passed.iter().filter(|(_, share)| *share >= RING).map(|(part, _)| *part);
+    for which in enough.filter(|part| own != Some(*part)).chain(own) {
         let part = &mut parts[which];
         if photo.split == Split::Train {
-            let others = (0..labels.len()).filter(|&cell| labels[cell] != which);
-            part.near.extend(others.map(|cell| numbers[look.patches[cell] as usize]));
+            let others = look.patches.iter().filter(|&&patch| of_patches[patch as usize] != which);
+            part.near.extend(others.map(|&patch| numbers[patch as usize]));
         }
         let list = match (photo.split, own) {
             (Split::Test, _) => &mut part.test,
@@ -280,7 +303,6 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::data::plan::Owners;
     use crate::data::{DatasetKind, Image, PixelSource, PointCloud};
     use crate::scene::Camera;
 
@@ -346,7 +368,7 @@ mod tests {
             let [low, high] = part.bounds;
             assert!((low[0] - 40.0 * which as f64).abs() < 1.0 && high[0] - low[0] < 9.0);
         }
-        let owners = Owners::of(&plan);
+        let owners = Owners::of(&plan.parts);
         assert_eq!([owners.part([3.0, 0.0, 5.1]), owners.part([44.0, 1.0, 4.9])], [0, 1]);
         assert!(!owners.is_at_seam([3.0, 0.0, 5.1]));
     }
@@ -371,7 +393,7 @@ mod tests {
         assert!(a.near.iter().all(|&n| n >= first_of_b) && b.near.iter().all(|&n| n < first_of_b));
         // A part starts from all points that its photos show, and has room for them.
         assert!(a.gaussians + b.gaussians > 2400);
-        let owners = Owners::of(&plan);
+        let owners = Owners::of(&plan.parts);
         assert!(a.seeds.iter().all(|&[x, y, z, ..]| owners.part([x, y, z]) == 0));
     }
 

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use super::Plan;
+use super::Part;
 
 /// Number of nearest seeds whose distances are compared with their orientation.
 const NEAREST: NonZeroUsize = NonZeroUsize::new(8).expect("8 is not 0");
@@ -22,11 +22,11 @@ pub struct Owners {
 }
 
 impl Owners {
-    /// Those of a plan.
-    pub fn of(plan: &Plan) -> Owners {
-        let mut firsts = Vec::with_capacity(plan.parts.len());
+    /// Those of a plan's parts.
+    pub fn of(parts: &[Part]) -> Owners {
+        let mut firsts = Vec::with_capacity(parts.len());
         let mut seeds: Vec<[f64; 6]> = Vec::new();
-        for part in &plan.parts {
+        for part in parts {
             firsts.push(seeds.len() as u32);
             seeds.extend(&part.seeds);
         }
@@ -77,12 +77,11 @@ impl Owners {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Part, Plan};
+    use super::super::Part;
     use super::*;
 
     fn owners(parts: &[&[[f64; 6]]]) -> Owners {
-        let parts = parts.iter().map(|seeds| Part { seeds: seeds.to_vec(), ..Part::default() }).collect();
-        Owners::of(&Plan { parts, ..Plan::default() })
+        Owners::of(&parts.iter().map(|seeds| Part { seeds: seeds.to_vec(), ..Part::default() }).collect::<Vec<_>>())
     }
 
     #[test]
