@@ -211,7 +211,7 @@ pub struct Dataset {
     pub sources: Vec<PathBuf>,
     /// Notes for the user on anything left out, replaced or guessed, one sentence each.
     pub notes: Vec<String>,
-    /// The part of a [plan](super::Plan) that these photos are.
+    /// The part of a plan that these photos are.
     pub part: Option<PartOf>,
     /// Number of Gaussians that the plan gives this part at most.
     pub gaussians: Option<u32>,
