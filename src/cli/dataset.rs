@@ -38,7 +38,7 @@ pub(super) struct DatasetArgs {
     alpha: Alpha,
     /// The dataset is a plan of glint partition: read this part of it, from 0. The plan decides all other
     /// options of the dataset
-    #[arg(long, value_name = "N", help_heading = "Dataset", conflicts_with_all = ["images", "model", "holdout"])]
+    #[arg(long, value_name = "N", help_heading = "Dataset", conflicts_with_all = ["images", "model", "holdout", "alpha"])]
     part: Option<u32>,
 }
 
@@ -54,16 +54,23 @@ impl DatasetArgs {
         }
     }
 
-    /// Reads the dataset, or the part of a plan, and prints its notes.
-    pub(super) fn open(&self, path: &Path, options: DatasetOptions) -> Result<Dataset> {
-        let dataset = match self.part {
-            Some(part) => Plan::read(path)?.open(path, part)?,
+    /// Reads the dataset, or the part of a plan, and prints its notes. Returns it with the options that it was read with, which are the
+    /// plan's for a part.
+    pub(super) fn open(&self, path: &Path, options: DatasetOptions) -> Result<(Dataset, DatasetOptions)> {
+        let (dataset, options) = match self.part {
+            Some(part) => {
+                let plan = Plan::read(path)?;
+                (plan.open(path, part)?, plan.options)
+            }
             None if path.is_file() && is_plan(path)? => {
                 let parts = Plan::read(path)?.parts.len();
                 let what = format!("is a plan of {}: --part N names one", counted(parts, "part"));
                 return Err(Error::input(path, what));
             }
-            None => Dataset::open(path, &self.options(options))?,
+            None => {
+                let options = self.options(options);
+                (Dataset::open(path, &options)?, options)
+            }
         };
         let found = DatasetSummary::of(&dataset);
         for size in &found.sizes {
@@ -76,7 +83,7 @@ impl DatasetArgs {
             tracing::info!("they look at {center:.3?} from {radius:.3} away");
         }
         dataset.notes.iter().for_each(|text| note(text.as_str()));
-        Ok(dataset)
+        Ok((dataset, options))
     }
 }
 
@@ -227,39 +234,25 @@ impl PhotoArgs {
         self.dataset.holdout.unwrap_or_default().to_string()
     }
 
-    /// With --part, the settings of the plan at `path`, which decides them.
+    /// Reads the dataset, or the part of a plan, and prints its notes.
     ///
     /// # Errors
-    /// If other ones were given.
-    pub(super) fn of_plan(&self, path: &Path) -> Result<PhotoArgs> {
-        if self.dataset.part.is_none() {
-            return Ok(self.clone());
-        }
-        let DatasetOptions { max_size, background, reduce, .. } = Plan::read(path)?.options;
-        let differs = [
-            self.max_size.is_some_and(|given| Some(given) != max_size).then_some("--max-size"),
-            self.background.is_some_and(|given| given != background).then_some("--background"),
-            self.reduce.is_some_and(|given| given != reduce).then_some("--reduce"),
-        ];
-        if let Some(option) = differs.into_iter().flatten().next() {
-            return Err(Error::input(path, format!("the plan was made with another {option} than is given here")));
-        }
-        Ok(PhotoArgs { max_size, background: Some(background), reduce: Some(reduce), ..self.clone() })
-    }
-
-    /// Reads the dataset, or the part of a plan, and prints its notes.
+    /// If the plan has other settings than are given here; those of [`Dataset::open`].
     pub(super) fn open(&self, path: &Path) -> Result<Dataset> {
-        Ok(self.open_with_options(path)?.0)
+        Ok(self.clone().open_with_options(path)?.0)
     }
 
-    /// [`PhotoArgs::open`] with all options that the dataset was read with.
-    pub(super) fn open_with_options(&self, path: &Path) -> Result<(Dataset, DatasetOptions)> {
+    /// [`PhotoArgs::open`], with the options that the dataset was read with. The settings of a plan become these.
+    pub(super) fn open_with_options(&mut self, path: &Path) -> Result<(Dataset, DatasetOptions)> {
         let reduce = self.reduce.unwrap_or_default();
         let (max_size, background) = (self.max_size.unwrap_or(DEFAULT_MAX_SIZE), self.background());
         let reduced_folders = self.max_size.is_some() && self.reduce.is_none();
         let options =
             DatasetOptions { max_size: Some(max_size), reduce, reduced_folders, background, ..Default::default() };
-        let dataset = self.dataset.open(path, options.clone())?;
+        let (dataset, options) = self.dataset.open(path, options)?;
+        if dataset.part.is_some() {
+            self.follow(path, &options)?;
+        }
         let reduced = dataset.photos.iter().filter(|photo| match &photo.pixels {
             PixelSource::File(file) => file.size.iter().any(|&side| side > max_size),
             PixelSource::Memory(_) => false,
@@ -271,7 +264,26 @@ impl PhotoArgs {
                 dataset.photos.len()
             ));
         }
-        Ok((dataset, self.dataset.options(options)))
+        Ok((dataset, options))
+    }
+
+    /// Takes over the settings of a plan.
+    fn follow(
+        &mut self,
+        plan: &Path,
+        &DatasetOptions { max_size, background, reduce, .. }: &DatasetOptions,
+    ) -> Result<()> {
+        let differs = [
+            self.max_size.is_some_and(|given| Some(given) != max_size).then_some("--max-size"),
+            self.background.is_some_and(|given| given != background).then_some("--background"),
+            self.reduce.is_some_and(|given| given != reduce).then_some("--reduce"),
+        ];
+        if let Some(option) = differs.into_iter().flatten().next() {
+            let what = format!("the plan has another {option} than the command line or the scene; expected the plan's");
+            return Err(Error::input(plan, what));
+        }
+        (self.max_size, self.background, self.reduce) = (max_size, Some(background), Some(reduce));
+        Ok(())
     }
 }
 

@@ -268,9 +268,9 @@ impl Args {
     pub(super) fn run(&self) -> Outcome {
         let end = self.time.map(|time| Instant::now() + time);
         let SceneFile { scene, trained_with, .. } = self.base_scene()?;
-        let (photo_args, draw) = (self.photos.like(trained_with, &self.base), self.draw.like(trained_with, &self.base));
-        let photo_args = photo_args.of_plan(&self.dataset)?;
-        let dataset = photo_args.open(&self.dataset)?;
+        let (mut photo_args, draw) =
+            (self.photos.like(trained_with, &self.base), self.draw.like(trained_with, &self.base));
+        let dataset = photo_args.open_with_options(&self.dataset)?.0;
         let policy = draw.policy();
         let (part, exposure) = (dataset.part, trained_with.exposure);
         let trained_with = TrainedWith { exposure, part, ..photo_args.trained_with(policy.compensate) };

@@ -91,7 +91,7 @@ impl Args {
             }
             // A video is not a dataset; `open` explains what to do with it.
             None | Some(Kind::Json | Kind::Video) => {
-                Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?))
+                Found::Dataset(DatasetSummary::of(&self.dataset.open(path, DatasetOptions::default())?.0))
             }
             Some(kind) if kind.may_be_scene() => {
                 let SceneFile { scene, trained_with, .. } = self.lenient.open_file(path)?;

@@ -19,8 +19,8 @@ use crate::{
 };
 
 const EXAMPLES: &str = "\
-Of each part, the Gaussians that belong to it are written: those whose nearest seed in the plan is the part's. Parts are read \
-one at a time, so the memory is that of the largest. The same parts give the same bytes.
+glint merge writes those Gaussians of each part whose nearest seed in the plan belongs to that part. One part is in memory at a \
+time. The same parts give the same bytes.
 
 Examples:
   glint merge city.plan.json parts -o city.ply

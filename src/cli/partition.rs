@@ -80,7 +80,7 @@ impl Sizes {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let (dataset, options) = self.selection.open_with_options(&self.dataset)?;
+        let (dataset, options) = self.selection.clone().open_with_options(&self.dataset)?;
         if dataset.part.is_some() {
             return Err(Error::Usage("a part of a plan is not cut again; expected a dataset".into()).into());
         }

@@ -246,12 +246,11 @@ impl Args {
         }
         let policy = draw.policy();
         let exposure = self.exposure.then_some(true);
-        photo_args = photo_args.of_plan(&self.dataset)?;
-        let mut dataset = photo_args.open(&self.dataset)?;
+        let mut dataset = photo_args.open_with_options(&self.dataset)?.0;
         let part = dataset.part;
         if self.exposure && part.is_some() {
-            let what = "the mean of a part's --exposure maps is the identity, so that parts would not fit together; expected \
-                        photos of one exposure";
+            let what = "--exposure cannot be combined with --part, because each part would choose its own mean exposure; \
+                        train without --exposure";
             return Err(Error::Usage(what.into()).into());
         }
         let trained_with = TrainedWith { exposure, part, ..photo_args.trained_with(policy.compensate) };

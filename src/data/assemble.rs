@@ -61,9 +61,8 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listing, options: &DatasetOpti
     let lens = |photo: &Photo| matches!(&photo.pixels, PixelSource::File(file) if file.lens.is_some());
     let undistorted = photos.iter().any(lens);
     let background = options.background;
-    let (part, gaussians) = (None, None);
     let mut dataset =
-        Dataset { kind, photos, points, background, undistorted, outside, sources, notes, part, gaussians };
+        Dataset { kind, photos, points, background, undistorted, outside, sources, notes, ..Dataset::default() };
     if blender && dataset.surrounds_the_blender_cube() {
         dataset.kind = DatasetKind::Blender;
     } else if blender && dataset.points.is_none() {

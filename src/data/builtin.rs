@@ -23,7 +23,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::{Dataset, DatasetKind, Image, Photo, PixelSource, PointCloud, Split};
+use super::{Dataset, Image, Photo, PixelSource, PointCloud, Split};
 use crate::scene::Camera;
 use points::surface_points;
 use studio::{BACKGROUND, Sample, Studio, View, studio, to_byte};
@@ -104,19 +104,13 @@ impl BuiltinScene {
             pixels: PixelSource::Memory(Arc::new(image(p))),
         };
         Dataset {
-            kind: DatasetKind::Memory,
             photos: self.photos.iter().map(photo).collect(),
             points: Some(PointCloud {
                 positions: self.point_positions.iter().map(|at| at.map(f64::from)).collect(),
                 colors: self.point_colors.clone(),
             }),
             background: self.background,
-            undistorted: false,
-            outside: 0.0,
-            sources: Vec::new(),
-            notes: Vec::new(),
-            part: None,
-            gaussians: None,
+            ..Dataset::default()
         }
     }
 }

@@ -41,7 +41,7 @@ struct Kept {
     supplement: Vec<usize>,
 }
 
-/// What the header says before any part is written.
+/// Contents of the header, known before any part is written.
 #[derive(Default)]
 struct Totals {
     constants: usize,
@@ -54,10 +54,9 @@ struct Totals {
     trained_with: TrainedWith,
 }
 
-/// Reads the scene of each part of `plan` from `files`, which are in any order, and writes to `output` the Gaussians of each that belong to
-/// it ([`Owners`]). `progress` is called after each time that a file was read, with the number of times known so far. Reads each file two to five times, one at a time, and so takes the
-/// memory of one part. A base for other viewers is not kept: they show
-/// the one that `glint` does.
+/// Reads the scene of each part of `plan` from `files`, in any order, and writes to `output` the Gaussians that belong to their part
+/// ([`Owners`]). One part is in memory at a time; each file is read two to five times. After each read, `progress` gets the number of
+/// reads in all, as far as it is known. A part's separate base for other viewers is left out.
 ///
 /// # Errors
 /// If a part is missing, doubled, unfinished, or of another plan, naming all of these; errors of the files.
@@ -214,7 +213,7 @@ impl Totals {
         part: &mut impl FnMut(usize) -> Result<(Scene, Kept)>,
     ) -> Result<(), Failed> {
         let [degree, supplement_degree] = self.degrees;
-        // Of a mixed scene all Gaussians have a constant, and those at the end bands as well, in an element of their own.
+        // In a mixed scene every Gaussian has a constant. Those at the end have bands as well, in an element of their own.
         let base_degree = if self.mixed { 0 } else { degree };
         let empty = |sh_degree: u32| Gaussians { sh_degree, ..Gaussians::default() };
         begin(file, self.origin, &self.trained_with)?;

@@ -105,7 +105,7 @@ pub enum Split {
 }
 
 /// Origin of a dataset.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DatasetKind {
     /// A COLMAP model, binary or text.
     Colmap,
@@ -115,6 +115,7 @@ pub enum DatasetKind {
     /// transforms.json of instant-ngp or nerfstudio.
     Transforms,
     /// Made by the program itself.
+    #[default]
     Memory,
 }
 
@@ -192,7 +193,7 @@ pub struct Photo {
 }
 
 /// A set of photos, sorted by name, and sparse points if there are any.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Dataset {
     /// Format of the dataset's files.
     pub kind: DatasetKind,

@@ -40,9 +40,9 @@ pub struct Plan {
 pub struct Part {
     /// Names of the training photos that the cut gave to this part.
     pub photos: Vec<String>,
-    /// Names of training photos of other parts that also show this part.
+    /// Names of training photos of other parts whose rays cross what this part owns.
     pub ring: Vec<String>,
-    /// Names of test photos that show this part.
+    /// Names of test photos whose rays cross what this part owns.
     pub test: Vec<String>,
     /// Number of Gaussians that the part trains at most.
     pub gaussians: u32,

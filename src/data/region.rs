@@ -305,19 +305,7 @@ mod tests {
             split: Split::Train,
             pixels: PixelSource::Memory(image.clone()),
         });
-        let (kind, points, background) = (DatasetKind::Memory, None, [0.0; 3]);
-        Dataset {
-            kind,
-            photos: photos.collect(),
-            points,
-            background,
-            undistorted: false,
-            outside: 0.0,
-            sources: Vec::new(),
-            notes: Vec::new(),
-            part: None,
-            gaussians: None,
-        }
+        Dataset { photos: photos.collect(), ..Dataset::default() }
     }
 
     fn witnesses(data: &Dataset, p: [f64; 3]) -> usize {

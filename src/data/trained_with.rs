@@ -2,8 +2,9 @@
 //!
 //! In PLY files they are comments: `SplatRenderMode: mip` or `default`, as in Brush's files (Postshot's
 //! `antialiased 1` is read too), and glint's own `glint background R G B`, `glint max_size PIXELS`, `glint
-//! exposure 1` and `glint part 3 of 8 plan 1a2b3c4d complete`. SOG has an object `glint` next to its `antialias`; glTF has one in the extras of a node. SPZ
-//! version 4 has one in an extension of glint's, next to its flag for `antialiased`.
+//! exposure 1` and `glint part 3 of 8 plan 1a2b3c4d complete`. SOG has an object `glint` next to its
+//! `antialias`; glTF has one in the extras of a node. SPZ version 4 has one in an extension of glint's, next to
+//! its flag for `antialiased`.
 
 #[cfg(feature = "train")]
 use serde::{Deserialize, Serialize};

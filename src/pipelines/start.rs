@@ -189,7 +189,7 @@ mod tests {
     use glam::{DMat3, DVec3};
 
     use super::*;
-    use crate::data::{DatasetKind, Image, PixelSource};
+    use crate::data::{Image, PixelSource};
 
     fn dataset(points: Option<usize>) -> Dataset {
         let photo = |name: &str, split, width| Photo {
@@ -213,19 +213,12 @@ mod tests {
             })),
         };
         Dataset {
-            kind: DatasetKind::Memory,
             photos: vec![photo("a", Split::Test, 9), photo("b", Split::Train, 5), photo("c", Split::Train, 6)],
             points: points.map(|n| PointCloud {
                 positions: (0..n).map(|i| [i as f64; 3]).collect(),
                 colors: (0..n).map(|i| [i as u8; 3]).collect(),
             }),
-            background: [0.0; 3],
-            undistorted: false,
-            outside: 0.0,
-            sources: Vec::new(),
-            notes: Vec::new(),
-            part: None,
-            gaussians: None,
+            ..Dataset::default()
         }
     }
 

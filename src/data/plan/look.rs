@@ -1,4 +1,4 @@
-//! What each photo shows: the nearest patch in each cell of its picture.
+//! Finds the nearest patch in each cell of each photo.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ impl Look {
     }
 }
 
-/// What each of `photos` shows.
+/// Looks of `photos`, in their order.
 pub(super) fn looks(photos: &[Photo], patches: &[Patch]) -> Vec<Look> {
     let balls: Vec<(DVec3, f64)> = patches.chunks(BLOCK).map(ball).collect();
     photos.par_iter().map(|photo| look(&photo.camera, patches, &balls)).collect()

@@ -37,7 +37,7 @@ impl Owners {
     /// Number of the seed that a place (world) belongs to, in the sequence of all parts' seeds; 0 for a place that is not finite.
     pub fn seed(&self, at: [f64; 3]) -> u32 {
         let distances = self.nearest(at).map(|seed| (self.distance(seed, at), seed));
-        // Of equally far seeds, the first.
+        // Ties go to the first seed.
         distances.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map_or(0, |(_, seed)| seed)
     }
 
