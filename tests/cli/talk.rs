@@ -273,6 +273,8 @@ fn completions_and_manual_pages_are_made() {
         "export",
         "info",
         "man",
+        "merge",
+        "partition",
         "render",
         "report",
         "synth",
