@@ -1,8 +1,11 @@
 //! Options shared by all commands that read a dataset.
 
-use std::path::{Path, PathBuf};
+use std::{
+    ffi::OsString,
+    path::{Path, PathBuf},
+};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use glam::DVec3;
 
 use super::progress::{Progress, note};
@@ -212,6 +215,35 @@ impl PhotoArgs {
             max_size: settled("--max-size", [self.max_size, max_size], scene, u32::to_string),
             ..self.clone()
         }
+    }
+
+    /// Sets the folder of the photos, and their maximum size if none was given.
+    pub(super) fn prefer(&mut self, images: Option<PathBuf>, max_size: Option<u32>) {
+        self.dataset.images = self.dataset.images.take().or(images);
+        self.max_size = self.max_size.or(max_size);
+    }
+
+    /// Whether the poses come from a folder of their own.
+    pub(super) fn has_model(&self) -> bool {
+        self.dataset.model.is_some()
+    }
+
+    /// These options as on the command line.
+    pub(super) fn arguments(&self) -> Vec<OsString> {
+        let PhotoArgs { dataset: DatasetArgs { images, model, holdout, alpha, part }, max_size, reduce, background } =
+            self;
+        let value = |value: Option<clap::builder::PossibleValue>| value.map(|value| value.get_name().into());
+        let given: [(&str, Option<OsString>); 8] = [
+            ("--images", images.as_ref().map(|path| path.into())),
+            ("--model", model.as_ref().map(|path| path.into())),
+            ("--holdout", holdout.map(|holdout| holdout.option().into())),
+            ("--alpha", value(alpha.to_possible_value()).filter(|_| *alpha != Alpha::default())),
+            ("--part", part.map(|part| part.to_string().into())),
+            ("--max-size", max_size.map(|size| size.to_string().into())),
+            ("--reduce", value(reduce.and_then(|reduce| reduce.to_possible_value()))),
+            ("--background", background.map(|[r, g, b]| format!("{r},{g},{b}").into())),
+        ];
+        given.into_iter().filter_map(|(name, value)| Some([name.into(), value?])).flatten().collect()
     }
 
     /// Color behind the scene.

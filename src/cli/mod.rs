@@ -28,6 +28,7 @@ mod picture;
 mod progress;
 mod render;
 mod report;
+mod run;
 mod synth;
 mod train;
 mod units;
@@ -36,6 +37,7 @@ mod verify;
 mod view;
 
 use std::{
+    cell::RefCell,
     ffi::OsString,
     fmt::{Arguments, Display},
     io::{self, IsTerminal, Write},
@@ -62,6 +64,7 @@ use progress::{LogWriter, note};
 
 const EXAMPLES: &str = "\
 Examples:
+  glint run garden -o garden.run           from photos to a scene, a report and a page
   glint demo                               train and augment a built-in scene
   glint train garden -o base.ply           train a base scene on a dataset
   glint enhance garden --base base.ply -o augmented.ply
@@ -97,6 +100,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Run(run::Args),
     Demo(demo::Args),
     Train(train::Args),
     #[command(alias = "augment")]
@@ -186,6 +190,7 @@ fn told(failure: Failure) -> (String, u8) {
 
 fn run(command: &Command) -> Outcome {
     match command {
+        Command::Run(args) => args.run(),
         Command::Demo(args) => args.run(),
         Command::Train(args) => args.run(),
         Command::Enhance(args) => args.run(),
@@ -279,6 +284,16 @@ fn parse_twin(stage: &str) -> Result<Twin, String> {
 }
 
 impl DeviceArgs {
+    /// These options as on the command line.
+    fn arguments(&self) -> Vec<OsString> {
+        let DeviceArgs { device, validate, twins, unchecked } = self;
+        let mut all: Vec<OsString> = device.iter().flat_map(|device| ["--device".into(), device.into()]).collect();
+        all.extend(twins.iter().flat_map(|twin| ["--twin".into(), twin.stage.into()]));
+        let flags = [("--validate", validate), ("--unchecked", unchecked)];
+        all.extend(flags.into_iter().filter(|&(_, &given)| given).map(|(name, _)| name.into()));
+        all
+    }
+
     /// Context options from command-line options and environment variables.
     fn options(&self) -> ContextOptions {
         let mut options = ContextOptions::from_env();
@@ -518,8 +533,24 @@ impl SceneArgs {
     }
 }
 
+thread_local! {
+    /// Results printed inside [`captured`].
+    static CAPTURED: RefCell<Option<String>> = const { RefCell::new(None) };
+}
+
+/// Does `work`, and returns the results that it prints.
+fn captured<T>(work: impl FnOnce() -> T) -> (String, T) {
+    CAPTURED.set(Some(String::new()));
+    let done = work();
+    (CAPTURED.take().unwrap_or_default(), done)
+}
+
 /// Prints a result. A closed pipe is not an error.
 fn print(text: impl Display) -> Result<()> {
+    let into = |captured: &mut Option<String>| captured.as_mut().map(|all| *all += &text.to_string());
+    if CAPTURED.with_borrow_mut(into).is_some() {
+        return Ok(());
+    }
     if caller::is_embedded() {
         caller::print(&text.to_string());
         return Ok(());

@@ -14,7 +14,7 @@ use crate::{
     data::{Dataset, SceneFormat, sweep},
 };
 
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub(super) struct OutputArgs {
     /// Overwrite existing files, except files that the command reads
     #[arg(long)]

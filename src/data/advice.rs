@@ -60,6 +60,12 @@ pub(super) fn of_folder(path: &Path) -> String {
     )
 }
 
+/// Number of photos in a folder for which there are no camera poses.
+pub fn photos_without_poses(path: &Path) -> usize {
+    let near = entries(path).into_iter().chain([path.to_owned()]).any(|folder| is_dataset(&folder));
+    if near || is_scene_folder(path) { 0 } else { names::count_photos(path) }
+}
+
 fn is_dataset(folder: &Path) -> bool {
     transforms::find(folder).is_some() || folders::is_dataset(folder)
 }
@@ -86,6 +92,7 @@ mod tests {
         put("clip/a.mp4");
         assert!(of("clip").contains("a.mp4, which is a video; extract photos"), "{}", of("clip"));
         put("photos/a.jpg");
+        assert_eq!(photos_without_poses(&folder.path().join("photos")), 1);
         assert_eq!(of("photos"), "found 1 photo but no camera poses; run COLMAP to find them, see docs/datasets.md");
         put("photos/images/b.PNG");
         put("photos/images/more/c.tif");
@@ -93,6 +100,7 @@ mod tests {
         put("deep/garden/sparse/0/cameras.bin");
         put("deep/garden/images/a.jpg");
         let garden = folder.path().join("deep/garden");
+        assert_eq!([photos_without_poses(&garden), photos_without_poses(&folder.path().join("deep"))], [0; 2]);
         assert_eq!(of("deep"), format!("no dataset here, but one folder deeper: give {}", garden.display()));
         for name in ["b", "c", "d"] {
             put(&format!("deep/{name}/transforms.json"));

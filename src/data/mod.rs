@@ -66,6 +66,8 @@ mod validate;
 mod write;
 
 #[cfg(feature = "train")]
+pub use advice::photos_without_poses;
+#[cfg(feature = "train")]
 pub use atomic::sweep;
 #[cfg(feature = "train")]
 pub use camera_path::CameraPath;

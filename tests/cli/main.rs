@@ -19,6 +19,7 @@ mod shared;
 mod talk;
 mod train;
 mod truth;
+mod whole;
 
 use std::{
     collections::{BTreeMap, BTreeSet},

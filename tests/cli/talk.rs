@@ -277,6 +277,7 @@ fn completions_and_manual_pages_are_made() {
         "partition",
         "render",
         "report",
+        "run",
         "synth",
         "train",
         "verify",

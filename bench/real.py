@@ -1,0 +1,129 @@
+#!/usr/bin/env python3
+"""Compares color models at equal bytes and steps, on held-out photos.
+
+    bench/real.py DATASET... -o RUNS.jsonl [--bytes 25MB] [--max-size N] [--steps N] [--seeds N] [--holdout N|sector]
+                  [--rows 3,0,classes] [--share 0.65] [--glint PATH]
+
+Rows of a dataset and seed:
+
+- 0, 1, 2, 3: `glint train` with harmonics of this degree and as many Gaussians as fit the bytes;
+- classes: `glint train --sh-degree 0` with a share of the bytes, then `glint enhance --bytes` with the rest, as `glint run` does it.
+
+The degrees take as many steps more as the joint phase of the classes has: 30 for each training photo. Each finished row is a JSON line in
+RUNS.jsonl, which `glint report --history` draws; the same command continues after the last of them. A table of means comes last.
+"""
+
+import argparse
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+GAUSSIAN_BYTES = {0: 68, 1: 104, 2: 164, 3: 248}
+JOINT_STEPS = 30
+UNITS = {"GB": 1e9, "MB": 1e6, "kB": 1e3}
+
+
+def parse_bytes(text):
+    for unit, factor in UNITS.items():
+        if text.endswith(unit):
+            return int(float(text[: -len(unit)]) * factor)
+    return int(text)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("datasets", nargs="+", type=pathlib.Path)
+    parser.add_argument("-o", "--output", type=pathlib.Path, required=True)
+    parser.add_argument("--bytes", type=parse_bytes, default=24_800_000)
+    parser.add_argument("--max-size", type=int, default=1600)
+    parser.add_argument("--steps", type=int, default=3000, help="steps before the joint phase")
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--holdout")
+    parser.add_argument("--rows", default="3,0,classes")
+    parser.add_argument("--share", type=float, default=0.65, help="of the bytes, for the base of the classes")
+    parser.add_argument("--glint", default="target/release/glint")
+    args = parser.parse_args()
+
+    done = {}
+    if args.output.exists():
+        for line in args.output.read_text().splitlines():
+            run = json.loads(line)
+            done[run["dataset"], run["name"], run["seed"]] = run
+    for seed in range(args.seeds):
+        for dataset in args.datasets:
+            for row in args.rows.split(","):
+                name = f"classes {args.share}" if row == "classes" else f"degree {row}"
+                if (dataset.name, name, seed) in done:
+                    continue
+                run = measure(args, dataset, row, seed)
+                run = {"name": name, "dataset": dataset.name, "seed": seed, "holdout": args.holdout or "default", **run}
+                done[dataset.name, name, seed] = run
+                with args.output.open("a") as file:
+                    file.write(json.dumps(run) + "\n")
+                print(run, file=sys.stderr)
+    table(list(done.values()))
+
+
+def measure(args, dataset, row, seed):
+    """Trains and evaluates one row. Returns its record without a name."""
+    photos = [str(dataset), "--max-size", str(args.max_size)]
+    photos += ["--holdout", args.holdout] if args.holdout else []
+    info = glint(args, "info", str(dataset), *(["--holdout", args.holdout] if args.holdout else []), "--json")
+    joint = JOINT_STEPS * info["train"]
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        base, scene = f"{folder}/base.ply", f"{folder}/scene.ply"
+        if row == "classes":
+            gaussians = int(args.share * args.bytes) // GAUSSIAN_BYTES[0]
+            train(args, photos, info, base, 0, gaussians, args.steps, seed)
+            left = args.bytes - gaussians * GAUSSIAN_BYTES[0]
+            added = glint(
+                args, "enhance", *photos, "--base", base, "-o", scene, "--bytes", str(left), "--seed", str(seed), "--json"
+            )
+            more = {key: added[key] for key in ("plain_gaussians", "supplementary_gaussians", "banded_gaussians")}
+            more["phases"] = added["seconds"]
+        else:
+            degree = int(row)
+            train(args, photos, info, scene, degree, args.bytes // GAUSSIAN_BYTES[degree], args.steps + joint, seed)
+            more = {}
+        seconds = time.monotonic() - began
+        found = glint(args, "eval", scene, *photos, "--json")["augmented"]
+        gaussians = glint(args, "info", scene, "--json")["base"]["count"] + more.get("supplementary_gaussians", 0)
+        size = pathlib.Path(scene).stat().st_size
+    return {"seconds": seconds, "bytes": size, "gaussians": gaussians, "steps": args.steps + joint, **found, **more}
+
+
+def train(args, photos, info, output, degree, gaussians, steps, seed):
+    points = ["--points", str(max(gaussians // 2, 1))] if (info["points"] or 0) > gaussians // 2 else []
+    glint(
+        args, "train", *photos, "-o", output, "--sh-degree", str(degree), "--gaussians", str(gaussians), *points,
+        "--iterations", str(steps), "--seed", str(seed), "--json",
+    )  # fmt: skip
+
+
+def glint(args, *arguments):
+    """Runs glint and returns the JSON that it prints."""
+    done = subprocess.run([args.glint, "-q", *arguments], stdout=subprocess.PIPE, text=True)
+    if done.returncode != 0:
+        sys.exit(f"real.py: glint {' '.join(arguments)} failed with {done.returncode}")
+    return json.loads(done.stdout) if done.stdout else None
+
+
+def table(runs):
+    """Prints the mean over seeds of each row and dataset."""
+    names = sorted({run["name"] for run in runs})
+    print("| dataset | " + " | ".join(names) + " |\n|---" * (len(names) + 1) + "|")
+    for dataset in sorted({run["dataset"] for run in runs}):
+        cells = []
+        for name in names:
+            same = [run for run in runs if (run["dataset"], run["name"]) == (dataset, name)]
+            mean = lambda key: sum(run[key] for run in same) / len(same)  # noqa: E731
+            cells.append(f"{mean('psnr'):.2f} / {mean('ssim'):.4f}, {mean('bytes') / 1e6:.2f} MB" if same else "")
+        print(f"| {dataset} | " + " | ".join(cells) + " |")
+
+
+if __name__ == "__main__":
+    main()

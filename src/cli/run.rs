@@ -1,0 +1,389 @@
+//! `glint run`: from photos to a scene, a report and a page, by the other commands one after another.
+
+use std::{
+    ffi::{OsStr, OsString},
+    fs,
+    path::{Path, PathBuf},
+    process::{Command as Process, Stdio},
+    time::{Duration, Instant},
+};
+
+use clap::{Parser, ValueEnum};
+use serde_json::{Value, json};
+
+use super::{
+    Cli, DeviceArgs, Outcome, PhotoArgs, captured, counted,
+    output::{Inputs, OutputArgs},
+    print, print_json,
+    progress::{self, note},
+    report::{NUMBERS, PAGE},
+    run, to_json, units,
+};
+use crate::{
+    Error, Result,
+    data::{self, Dataset, Split, gaussian_bytes, write_text},
+};
+
+const EXAMPLES: &str = "\
+Runs glint train, enhance, report and export, prints each command line, and writes into DIR:
+  base.ply           the base, for comparison
+  scene.ply          the scene: Gaussians with constant colors, bands and lobes where they pay
+  report/index.html  both compared with the test photos
+  scene.html         a page that shows the scene in any browser
+  run.json           the command lines; train.json and enhance.json have their figures
+
+The same command resumes an interrupted run and skips what is done. --restart starts over.
+
+For photos without poses, COLMAP finds them first if it is installed (DIR/colmap).
+
+Examples:
+  glint run garden -o garden.run
+  glint run my_photos -o my_scene --preset draft
+  glint run garden -o garden.run --bytes 25MB --time 10m";
+
+/// The list of command lines, which identifies a run.
+const COMMANDS: &str = "run.json";
+const BASE: &str = "base.ply";
+const SCENE: &str = "scene.ply";
+const TRAINED: &str = "train.json";
+const ENHANCED: &str = "enhance.json";
+const REPORT: &str = "report";
+const VIEWER: &str = "scene.html";
+/// Folder of COLMAP's poses.
+const COLMAP: &str = "colmap";
+
+/// Share of --time for the base and for the augmentation. The rest is for report and page.
+const TIME: [f64; 2] = [0.55, 0.35];
+/// Share of --bytes for the base.
+const BASE_BYTES: f64 = 0.65;
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum Preset {
+    /// 2000 steps, photos of at most 640 pixels
+    Draft,
+    /// 7000 steps
+    #[default]
+    Standard,
+    /// 30000 steps
+    Best,
+}
+
+impl Preset {
+    fn steps(self) -> u32 {
+        match self {
+            Preset::Draft => 2_000,
+            Preset::Standard => 7_000,
+            Preset::Best => 30_000,
+        }
+    }
+
+    /// Maximum size of photos, if it is not glint's default.
+    fn max_size(self) -> Option<u32> {
+        (self == Preset::Draft).then_some(640)
+    }
+}
+
+/// Make a scene, a report and a page from photos, in one command
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Folder or JSON file of the dataset, or a folder of photos without poses
+    dataset: PathBuf,
+    /// Output folder; created if missing
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Length of the base's training; the augmentation takes 30 steps a photo more
+    #[arg(long, value_enum, default_value_t)]
+    preset: Preset,
+    /// Time for the whole run, such as 90s, 5m or 1.5h, instead of the preset's steps. COLMAP comes on top
+    #[arg(long, value_name = "TIME", value_parser = units::duration)]
+    time: Option<Duration>,
+    /// Maximum size of the scene's Gaussians in its file, such as 25MB [default: as many Gaussians as glint
+    /// train gives the base, and those that gain more than longer training]
+    #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
+    bytes: Option<u64>,
+    /// Start over even if the folder has another run
+    #[arg(long)]
+    restart: bool,
+    /// Print JSON with the command lines and all figures
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// A command of the run.
+struct Step {
+    arguments: Vec<OsString>,
+    /// The file that shows that the command is done.
+    done: PathBuf,
+    /// Whether its standard output becomes that file.
+    prints: bool,
+    /// Options that do not change the result, and are not part of the run's identity.
+    unnamed: &'static [&'static str],
+}
+
+impl Args {
+    pub(super) fn run(&self) -> Outcome {
+        let began = Instant::now();
+        let (path, images) = self.posed()?;
+        let mut photos = self.photos.clone();
+        photos.prefer(images, self.preset.max_size());
+        let dataset = photos.open(&path)?;
+        let steps = self.steps(&path, &dataset, &photos)?;
+        OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
+        let known = self.known(&steps)?;
+        for (i, step) in steps.iter().enumerate() {
+            let line = line_of(&step.arguments);
+            if known && step.done.exists() && !self.restart {
+                progress::tell_run(format_args!("{}/{} done before: {line}", i + 1, steps.len()));
+                continue;
+            }
+            progress::tell_run(format_args!("{}/{}: {line}", i + 1, steps.len()));
+            step.run(self.restart)?;
+        }
+        self.tell(&steps, began)
+    }
+
+    /// The dataset, and the folder of its photos if it is elsewhere: as given, or with poses by COLMAP.
+    fn posed(&self) -> Result<(PathBuf, Option<PathBuf>)> {
+        let count = data::photos_without_poses(&self.dataset);
+        if count == 0 || self.photos.has_model() {
+            return Ok((self.dataset.clone(), None));
+        }
+        let nested = self.dataset.join("images");
+        let images = if nested.is_dir() { nested } else { self.dataset.clone() };
+        let images = images.canonicalize().map_err(|e| Error::io(&images, e))?;
+        let workspace = self.output.join(COLMAP);
+        if !workspace.join("sparse/0").is_dir() {
+            let what = format!("{} without poses: COLMAP looks for them", counted(count, "photo"));
+            progress::tell_run(format_args!("{what}; its log is {}", workspace.join("log.txt").display()));
+            colmap(&images, &workspace)?;
+        }
+        Ok((workspace, Some(images)))
+    }
+
+    fn steps(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs) -> Result<Vec<Step>> {
+        let at = |name: &str| self.output.join(name);
+        let [base, scene, trained, enhanced] = [BASE, SCENE, TRAINED, ENHANCED].map(at);
+        let named = |name: &str, path: &Path| [OsString::from(name), path.into()].join(OsStr::new("="));
+        let mut train = words(["train"], [path]);
+        train.extend(words(["--sh-degree", "0", "-o"], [&base]));
+        let mut enhance = words(["enhance"], [path]);
+        enhance.extend(words(["--base"], [&base]).into_iter().chain(words(["-o"], [&scene])));
+        match self.time {
+            Some(time) => {
+                let share = TIME.map(|share| format!("{:.1}s", share * time.as_secs_f64()).into());
+                let [train_for, enhance_for] = share;
+                train.extend(["--time".into(), train_for]);
+                enhance.extend(["--time".into(), enhance_for]);
+            }
+            None => train.extend(["--iterations".into(), self.preset.steps().to_string().into()]),
+        }
+        if let Some(bytes) = self.bytes {
+            let (gaussians, left) = shares(bytes)?;
+            train.extend(["--gaussians".into(), gaussians.to_string().into()]);
+            // The strategy places the other half where errors are large.
+            let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
+            if points > gaussians as usize / 2 {
+                train.extend(["--points".into(), (gaussians / 2).max(1).to_string().into()]);
+            }
+            enhance.extend(["--bytes".into(), left.to_string().into()]);
+        }
+        let mut report = words(["report"], [path]);
+        report.extend([named("base", &base), named("scene", &scene)]);
+        report.extend(words(["-o"], [at(REPORT)]));
+        report.extend(words(["--run"], [&trained]).into_iter().chain(words(["--run"], [&enhanced])));
+        if dataset.split(Split::Test).next().is_none() {
+            report.extend(["--split".into(), "train".into()]);
+        }
+        let mut export = words(["export"], [&scene, &path.to_owned()]);
+        export.extend(words(["--html"], [at(VIEWER)]));
+        let (shown, device) = (photos.arguments(), self.device.arguments());
+        [&mut train, &mut enhance, &mut report].into_iter().for_each(|to| to.extend(device.iter().cloned()));
+        [&mut train, &mut enhance, &mut report, &mut export]
+            .into_iter()
+            .for_each(|to| to.extend(shown.iter().cloned()));
+        let step = |arguments, done, prints, unnamed| Step { arguments, done, prints, unnamed };
+        Ok(vec![
+            step(train, trained, true, &["--json", "--force"]),
+            step(enhance, enhanced, true, &["--json", "--force"]),
+            step(report, at(REPORT).join(PAGE), false, &["--force"]),
+            step(export, at(VIEWER), false, &["--force"]),
+        ])
+    }
+
+    /// Whether the folder has this run. Writes its command lines.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the folder has another run or foreign files, unless the run is to start over.
+    fn known(&self, steps: &[Step]) -> Result<bool> {
+        let path = self.output.join(COMMANDS);
+        let lines: Vec<String> = steps.iter().map(|step| line_of(&step.arguments)).collect();
+        let (known, other) = match fs::read(&path) {
+            Ok(text) => {
+                let found: Value = serde_json::from_slice(&text).unwrap_or_default();
+                let found = found["commands"].as_array().cloned().unwrap_or_default();
+                let other = found.iter().zip(&lines).find(|(found, line)| found.as_str() != Some(line));
+                let same = found.len() == lines.len() && other.is_none();
+                (
+                    same,
+                    (!same).then(|| {
+                        format!("has another run (`{}`)", other.map_or("", |(f, _)| f.as_str().unwrap_or_default()))
+                    }),
+                )
+            }
+            Err(_) => {
+                let files = [BASE, SCENE, VIEWER].map(|name| self.output.join(name));
+                let foreign = files.iter().find(|file| file.exists());
+                (false, foreign.map(|file| format!("has {}, which is not of a run", file.display())))
+            }
+        };
+        match other {
+            Some(what) if !self.restart => {
+                let what =
+                    format!("{what}; repeat it with its options, give another folder, or start over with --restart");
+                return Err(Error::input(&self.output, what));
+            }
+            _ => {}
+        }
+        if !known {
+            steps.iter().for_each(|step| drop(fs::remove_file(&step.done)));
+            write_text(&path, &to_json(&json!({"glint": env!("CARGO_PKG_VERSION"), "commands": lines}))?)?;
+        }
+        Ok(known)
+    }
+
+    /// Prints the figures and the files.
+    fn tell(&self, steps: &[Step], began: Instant) -> Outcome {
+        let read = |path: PathBuf| -> Result<Value> {
+            let text = fs::read(&path).map_err(|e| Error::io(&path, e))?;
+            serde_json::from_slice(&text).map_err(|e| Error::input(&path, e.to_string()))
+        };
+        let report = self.output.join(REPORT);
+        let scenes = read(report.join(NUMBERS))?["scenes"].take();
+        if self.json {
+            return Ok(print_json(&json!({
+                "output": self.output,
+                "seconds": began.elapsed().as_secs_f64(),
+                "commands": steps.iter().map(|step| line_of(&step.arguments)).collect::<Vec<_>>(),
+                "train": read(self.output.join(TRAINED))?,
+                "enhance": read(self.output.join(ENHANCED))?,
+                "scenes": scenes,
+            }))?);
+        }
+        let mut text = String::new();
+        for scene in scenes.as_array().into_iter().flatten() {
+            let number = |key: &str| scene[key].as_f64().unwrap_or(f64::NAN);
+            text += &format!(
+                "{:<6} {:.2} dB, SSIM {:.4}, {} Gaussians, {:.1} MB\n",
+                scene["name"].as_str().unwrap_or_default(),
+                number("psnr"),
+                number("ssim"),
+                number("gaussians"),
+                number("bytes") / 1e6,
+            );
+        }
+        for (name, what) in [
+            (self.output.join(SCENE), "the scene; glint convert makes files for other programs of it"),
+            (report.join(PAGE), "compared with the photos"),
+            (self.output.join(VIEWER), "the scene in a browser"),
+        ] {
+            text += &format!("{}  {what}\n", name.display());
+        }
+        Ok(print(text)?)
+    }
+}
+
+impl Step {
+    /// Runs the command.
+    fn run(&self, restart: bool) -> Outcome {
+        let again = if restart && self.prints { &["--restart"][..] } else { &[] };
+        let arguments = self.arguments.iter().map(OsString::as_os_str);
+        let all = ["glint".as_ref()].into_iter().chain(arguments);
+        let all = all.chain(self.unnamed.iter().chain(again).map(AsRef::as_ref));
+        let cli = Cli::try_parse_from(all).map_err(|error| Error::Usage(error.to_string()))?;
+        let (text, outcome) = captured(|| run(&cli.command));
+        outcome?;
+        if self.prints {
+            write_text(&self.done, &text)?;
+        }
+        Ok(())
+    }
+}
+
+/// Number of Gaussians of a base with constant colors, and the bytes left for the augmentation.
+fn shares(bytes: u64) -> Result<(u32, u64)> {
+    let one = gaussian_bytes(0, false);
+    let gaussians = (BASE_BYTES * bytes as f64) as u64 / one;
+    if gaussians == 0 {
+        return Err(Error::Usage(format!("--bytes {bytes}: expected more, because a Gaussian takes {one}")));
+    }
+    Ok((gaussians.min(u32::MAX.into()) as u32, bytes - gaussians * one))
+}
+
+/// Finds the poses of photos. COLMAP's SIFT runs on the CPU if it cannot run on a GPU.
+fn colmap(images: &Path, workspace: &Path) -> Result<()> {
+    fs::create_dir_all(workspace).map_err(|e| Error::io(workspace, e))?;
+    let log = workspace.join("log.txt");
+    for gpu in ["1", "0"] {
+        let to = fs::File::create(&log).map_err(|e| Error::io(&log, e))?;
+        let copy = to.try_clone().map_err(|e| Error::io(&log, e))?;
+        let mut process = Process::new("colmap");
+        process.arg("automatic_reconstructor").args(["--dense", "0", "--use_gpu", gpu]);
+        process.arg("--workspace_path").arg(workspace).arg("--image_path").arg(images);
+        let status = process.stdin(Stdio::null()).stdout(to).stderr(copy).status().map_err(|error| {
+            let what = format!(
+                "holds photos without poses, and COLMAP, which finds them, cannot be run ({error}); install it, or give \
+                 a dataset with poses (docs/datasets.md)"
+            );
+            Error::input(images, what)
+        })?;
+        if status.success() && workspace.join("sparse/0").is_dir() {
+            return Ok(());
+        }
+        if gpu == "1" {
+            note("COLMAP failed with a GPU and is run again without");
+        }
+    }
+    let what = format!("COLMAP found no poses for these photos; its log is {}", log.display());
+    Err(Error::input(images, what))
+}
+
+fn words<const N: usize, P: AsRef<Path>>(first: [&str; N], paths: impl IntoIterator<Item = P>) -> Vec<OsString> {
+    let paths = paths.into_iter().map(|path| path.as_ref().as_os_str().to_owned());
+    first.into_iter().map(OsString::from).chain(paths).collect()
+}
+
+/// A command line that a shell understands.
+fn line_of(arguments: &[OsString]) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_=./,:+".contains(c);
+    let quoted = arguments.iter().map(|argument| {
+        let text = argument.to_string_lossy();
+        if !text.is_empty() && text.chars().all(plain) {
+            text.into_owned()
+        } else {
+            format!("'{}'", text.replace('\'', r"'\''"))
+        }
+    });
+    ["glint".to_owned()].into_iter().chain(quoted).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_line_is_quoted_for_a_shell() {
+        let line = line_of(&["train", "it's here", "-o", "a=b/c.ply", ""].map(OsString::from));
+        assert_eq!(line, r"glint train 'it'\''s here' -o a=b/c.ply ''");
+    }
+
+    #[test]
+    fn bytes_are_shared_between_base_and_augmentation() {
+        assert_eq!(shares(1_000_000).unwrap(), (9_558, 1_000_000 - 9_558 * 68));
+        assert!(shares(100).unwrap_err().to_string().contains("a Gaussian takes 68"));
+    }
+}

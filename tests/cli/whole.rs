@@ -1,0 +1,97 @@
+//! `glint run`: all commands from photos to a page.
+
+use super::*;
+
+#[test]
+fn photos_become_a_scene_a_report_and_a_page() {
+    let work = Work::new();
+    let run = "run data -o out --preset draft --bytes 20kB --background 0.2,0.2,0.2";
+    let found = work.json(&format!("{run} --json"));
+    assert_eq!(keys(&found), set(["output", "seconds", "commands", "train", "enhance", "scenes"]));
+    // 13 kB of constants for the base and the rest for the augmentation.
+    assert_eq!(found["train"]["gaussians"], 191);
+    assert!(found["enhance"]["bytes_added"].as_u64().unwrap() <= 20_000 - 191 * 68, "{found}");
+    let names: Vec<&str> = found["scenes"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["base", "scene"]);
+    let written =
+        ["base.ply", "enhance.json", "report", "run.json", "scene.html", "scene.ply", "train.json"].map(str::to_owned);
+    assert_eq!(files(&work.path("out")), written);
+    assert_eq!(files(&work.path("out/report")), ["index.html", "report.json"]);
+    let info = work.ok("info out/scene.ply");
+    assert!(info.contains("0.2"), "the scene has its settings: {info}");
+
+    assert_eq!(
+        found["commands"][0],
+        "glint train data --sh-degree 0 -o out/base.ply --iterations 2000 --gaussians 191 --points 95 --max-size 640 \
+         --background 0.2,0.2,0.2"
+    );
+
+    // A second run has nothing to do, and one after an interruption does what is left.
+    let before = work.listing();
+    let again = work.run(run);
+    let said = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(again.status.success() && said.matches(" done before: glint ").count() == 4, "{said}");
+    assert!(String::from_utf8_lossy(&again.stdout).contains("out/report/index.html"));
+    assert_eq!(work.listing(), before);
+    fs::remove_file(work.path("out/scene.html")).unwrap();
+    fs::remove_file(work.path("out/report/index.html")).unwrap();
+    let said = String::from_utf8(work.run(run).stderr).unwrap();
+    assert!(said.contains("2/4 done before") && said.contains("3/4: glint report"), "{said}");
+    assert_eq!(work.listing().keys().collect::<Vec<_>>(), before.keys().collect::<Vec<_>>());
+    assert_eq!(work.listing()[&work.path("out/scene.ply")], before[&work.path("out/scene.ply")]);
+
+    // Another run has its own folder, or starts over.
+    let other = "run data -o out --time 50s --holdout none --device nonesuch";
+    work.refused(other, &["out", "has another run", "glint train data", "--restart"]);
+    let output = work.run(&format!("{other} --restart"));
+    assert_eq!(output.status.code(), Some(2));
+    let commands: Value = serde_json::from_slice(&fs::read(work.path("out/run.json")).unwrap()).unwrap();
+    let line = |i: usize| commands["commands"][i].as_str().unwrap();
+    assert!(line(0).contains("--time 27.5s --device nonesuch --holdout none"), "{commands}");
+    assert!(line(2).ends_with("--split train --device nonesuch --holdout none"), "{commands}");
+    assert!(!work.path("out/train.json").exists(), "the old run is gone");
+}
+
+#[test]
+fn foreign_files_are_not_replaced() {
+    let work = Work::small();
+    fs::create_dir(work.path("out")).unwrap();
+    fs::write(work.path("out/base.ply"), "mine").unwrap();
+    work.refused("run data -o out", &["out", "base.ply, which is not of a run", "--restart"]);
+    work.refused("run data -o out --bytes 60", &["--bytes 60", "a Gaussian takes 68"]);
+    work.refused("run data -o data/images", &["data/images", "expected another output folder"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn colmap_finds_poses_of_photos_without() {
+    use std::os::unix::fs::PermissionsExt;
+    let work = Work::small();
+    fs::rename(work.path("data/images"), work.path("photos")).unwrap();
+    fs::create_dir(work.path("bin")).unwrap();
+    let with = |arguments: &str| {
+        let mut command = work.command(arguments);
+        command.env("PATH", work.path("bin"));
+        command
+    };
+    let line = "run photos -o out --device nonesuch";
+    let refused = run::run(&mut with(line));
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && said.contains("COLMAP, which finds them, cannot be run"), "{said}");
+
+    // A stand-in that cannot use a GPU and has the poses ready.
+    let colmap = work.path("bin/colmap");
+    let script = "#!/bin/sh\n[ \"$1 $2 $3 $4 $5\" = 'automatic_reconstructor --dense 0 --use_gpu 0' ] || exit 1\n\
+                  [ \"$6 $8\" = '--workspace_path --image_path' ] && /bin/mkdir -p \"$7/sparse\" && /bin/cp -r \"$9/../data/sparse/0\" \"$7/sparse/0\"\n";
+    fs::write(&colmap, script).unwrap();
+    fs::set_permissions(&colmap, fs::Permissions::from_mode(0o755)).unwrap();
+    let output = run::run(&mut with(line));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("5 photos without poses") && said.contains("run again without"), "{said}");
+    let photos = work.path("photos").canonicalize().unwrap();
+    let first = format!(
+        "1/4: glint train out/colmap --sh-degree 0 -o out/base.ply --iterations 7000 --device nonesuch --images {}",
+        photos.display()
+    );
+    assert!(said.contains(&first) && said.contains("error: --device"), "{said}");
+}
