@@ -3,6 +3,8 @@
 
 mod convert;
 mod datasets;
+#[cfg(unix)]
+mod doctor;
 mod export;
 mod far;
 mod flags;
