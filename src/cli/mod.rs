@@ -20,6 +20,8 @@ mod info;
 mod interrupt;
 mod kept;
 mod lock;
+#[cfg(all(test, feature = "formats", feature = "view"))]
+mod manual;
 mod merge;
 mod names;
 mod output;
