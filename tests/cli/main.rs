@@ -5,6 +5,7 @@ mod convert;
 mod datasets;
 #[cfg(unix)]
 mod doctor;
+mod examples;
 mod export;
 mod far;
 mod flags;
