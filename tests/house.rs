@@ -180,6 +180,23 @@ fn every_extreme_has_its_guards_and_every_guard_its_test() {
     assert!(strange.is_empty(), "in tests/guards.txt, but not of docs/extremes.md: {strange:#?}");
 }
 
+/// Rust in the documents is made of lines of programs that the tests run.
+#[test]
+fn rust_in_the_documents_is_taken_from_programs() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |path: &str| fs::read_to_string(root.join(path)).unwrap();
+    let programs = ["examples/frames.rs", "examples/train.rs", "tests/outside/mesh/src/main.rs"].map(read).concat();
+    let lines: BTreeSet<&str> = programs.lines().map(str::trim).collect();
+    for path in ["README.md", "docs/embedding.md"] {
+        let text = read(path);
+        let blocks = text.split("```rust").skip(1).filter_map(|rest| rest.split("```").next());
+        for line in blocks.flat_map(|block| block.lines().skip(1)) {
+            let code = line.split_once(" //").map_or(line, |(code, _)| code).trim();
+            assert!(lines.contains(code), "{path}: no program has `{code}`");
+        }
+    }
+}
+
 /// Phrases that a native reader stumbles over, each with what to write. Text is compared as words: letters in lower case, all else as one
 /// space. Grow the list if a review finds another.
 const PHRASES: [(&str, &str); 14] = [
@@ -204,7 +221,7 @@ const PHRASES: [(&str, &str); 14] = [
 fn prose_has_none_of_the_phrases_that_reviews_have_found() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut texts = Vec::new();
-    for folder in ["src", "glsl", "bench", "tests", "docs", "python"] {
+    for folder in ["src", "glsl", "bench", "tests", "docs", "examples", "python"] {
         for extension in ["rs", "comp", "glsl", "h", "md", "py"] {
             files(&root.join(folder), extension, &mut texts);
         }

@@ -10,6 +10,7 @@ use std::{
 
 use super::{Failure, Outcome};
 use crate::{
+    Result,
     data::write_text,
     gpu::{Context, ContextOptions},
     stages::kernels,
@@ -25,26 +26,27 @@ pub(super) fn check(context: &Context, options: &ContextOptions, unchecked: bool
     if passed.contains(&line) {
         return Ok(());
     }
-    let broken = verify::check(context)?;
-    if broken.is_empty() {
+    let Some(text) = wrong(context)? else {
         passed.insert(line);
         // Without the file the next run checks again, which takes less than a second.
         file.into_iter().for_each(|file| write(&file, &passed));
         return Ok(());
-    }
-    let stages: BTreeSet<&str> = broken.iter().map(|row| row.stage).collect();
-    let info = context.info();
-    let text = format!(
-        "{} ({}) computes wrongly: {} differ from float64 beyond their bounds",
-        info.name,
-        info.driver,
-        stages.into_iter().collect::<Vec<_>>().join(", ")
-    );
+    };
     if unchecked {
         tracing::warn!("{text}; the results are likely wrong (--unchecked)");
         return Ok(());
     }
     Err(Failure::Device(text))
+}
+
+/// Compares the core stages with their twins. Names those that differ, if any.
+pub(super) fn wrong(context: &Context) -> Result<Option<String>> {
+    let broken = verify::check(context)?;
+    let stages: BTreeSet<&str> = broken.iter().map(|row| row.stage).collect();
+    let (info, stages) = (context.info(), stages.into_iter().collect::<Vec<_>>().join(", "));
+    Ok((!broken.is_empty()).then(|| {
+        format!("{} ({}) computes wrongly: {stages} differ from float64 beyond their bounds", info.name, info.driver)
+    }))
 }
 
 /// Line of the file. A check is valid as long as everything in this line is unchanged.

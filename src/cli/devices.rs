@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Outcome, print, print_json, with_hint};
 use crate::{
-    gpu::{Context, DeviceInfo},
+    gpu::{Context, DeviceInfo, GpuError},
     report::table::{Cell, Column, Table},
 };
 
@@ -18,22 +18,35 @@ pub(super) struct Args {
 }
 
 #[derive(Serialize)]
-struct Listed {
-    index: usize,
+pub(super) struct Listed {
+    pub(super) index: usize,
     /// Reason why glint cannot use it.
-    refused: Option<String>,
+    pub(super) refused: Option<String>,
     #[serde(flatten)]
-    info: DeviceInfo,
+    pub(super) info: DeviceInfo,
+}
+
+pub(super) fn list() -> Result<Vec<Listed>, GpuError> {
+    let devices = Context::devices().map_err(with_hint)?.into_iter().enumerate();
+    Ok(devices
+        .map(|(index, (info, refused))| Listed { index, refused: refused.map(|e| e.to_string()), info })
+        .collect())
+}
+
+impl Listed {
+    /// Reason why it is not used, or is slow.
+    pub(super) fn note(&self) -> Option<String> {
+        match (&self.refused, &self.info.software_subgroups) {
+            (Some(why), _) => Some(format!("refused: {why}")),
+            (None, Some(lacks)) => Some(format!("slow: subgroups by software, since the device lacks {lacks}")),
+            (None, None) => None,
+        }
+    }
 }
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let devices: Vec<Listed> = Context::devices()
-            .map_err(with_hint)?
-            .into_iter()
-            .enumerate()
-            .map(|(index, (info, refused))| Listed { index, refused: refused.map(|e| e.to_string()), info })
-            .collect();
+        let devices = list()?;
         if self.json {
             return Ok(print_json(&devices)?);
         }
@@ -47,12 +60,9 @@ impl Args {
             column("driver", "", 0),
             column("notes", "", 0),
         ]);
-        for Listed { index, refused, info } in devices {
-            let notes = match (refused, info.software_subgroups) {
-                (Some(why), _) => format!("refused: {why}"),
-                (None, Some(lacks)) => format!("slow: subgroups by software, since the device lacks {lacks}"),
-                (None, None) => String::new(),
-            };
+        for device in devices {
+            let notes = device.note().unwrap_or_default();
+            let Listed { index, info, .. } = device;
             table.row([
                 Cell::Count(index as u64),
                 info.name.into(),

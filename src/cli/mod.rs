@@ -10,6 +10,7 @@ mod dataset;
 mod deadline;
 mod demo;
 mod devices;
+mod doctor;
 pub mod embed;
 mod enhance;
 mod eval;
@@ -19,6 +20,8 @@ mod info;
 mod interrupt;
 mod kept;
 mod lock;
+#[cfg(all(test, feature = "formats", feature = "view"))]
+mod manual;
 mod merge;
 mod names;
 mod output;
@@ -74,6 +77,7 @@ Examples:
   glint info augmented.ply                 describe a scene or a dataset
   glint convert base.ply base.spz          convert it for other programs
   glint export --html scene.html scene.ply a page that shows it in any browser
+  glint doctor                             check device, driver, display, tools and disk
   glint verify --quick                     check that this device computes correctly
 
 A dataset is a folder with a COLMAP model (sparse/0 and images/), a folder with transforms.json or \
@@ -117,6 +121,7 @@ enum Command {
     Partition(partition::Args),
     Merge(merge::Args),
     Devices(devices::Args),
+    Doctor(doctor::Args),
     Verify(verify::Args),
     Completions(pages::CompletionsArgs),
     Man(pages::ManArgs),
@@ -137,6 +142,8 @@ enum Failure {
     Device(String),
     /// Number of rows that exceed their bounds against the twins.
     Bounds(usize),
+    /// `glint doctor` found that training would not work.
+    Unfit,
 }
 
 impl<E: Into<Error>> From<E> for Failure {
@@ -183,6 +190,7 @@ fn told(failure: Failure) -> (String, u8) {
             1,
         ),
         Failure::Bounds(count) => (format!("{} out of bounds (see the table)", counted(count, "row")), 1),
+        Failure::Unfit => ("training would not work on this machine (see the lines with `error`)".into(), 1),
     };
     // A driver's text or a file name may contain line breaks.
     (text.replace(char::is_control, " "), code)
@@ -206,6 +214,7 @@ fn run(command: &Command) -> Outcome {
         Command::Partition(args) => args.run(),
         Command::Merge(args) => args.run(),
         Command::Devices(args) => args.run(),
+        Command::Doctor(args) => args.run(),
         Command::Verify(args) => args.run(),
         Command::Completions(args) => args.run(),
         Command::Man(args) => args.run(),
@@ -256,7 +265,7 @@ fn with_hint(error: GpuError) -> GpuError {
 }
 
 /// Options that select and configure the device.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 struct DeviceArgs {
     /// Vulkan device: an index from `glint devices` or a part of its name [default: the GLINT_DEVICE
     /// variable, else the first discrete GPU, else any device]
@@ -354,7 +363,7 @@ fn tell_run(what: &str, context: &Context, photos: &[&Photo], length: impl Displ
 fn no_gpu() -> Option<String> {
     let devices = Context::devices().unwrap_or_default();
     let mut gpus = devices.iter().filter(|(info, _)| !info.is_cpu).peekable();
-    let hint = "the run is on the CPU, which is much slower";
+    let hint = "glint runs on the CPU, which is much slower";
     if gpus.peek().is_some() {
         // A usable GPU is not an error: the user chose the CPU.
         let (info, refused) = gpus.find_map(|(info, refused)| Some((info, refused.as_ref()?)))?;

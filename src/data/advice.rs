@@ -50,6 +50,9 @@ pub(super) fn of_folder(path: &Path) -> String {
         let found = counted(photos, "photo");
         return format!("found {found} but no camera poses; run COLMAP to find them, {PAGE}");
     }
+    if path.join("database.db").is_file() {
+        return format!("found a COLMAP database but no model with camera poses; run COLMAP's mapper, {PAGE}");
+    }
     let video = entries(path).into_iter().find(|entry| Kind::of_file(entry).is_ok_and(|kind| kind == Kind::Video));
     if let Some(video) = video {
         return format!("no dataset here, but {}, which {}", video.display(), of_file(Kind::Video));

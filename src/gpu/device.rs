@@ -7,7 +7,8 @@ use ash::{ext, khr, vk};
 use super::{
     Check, ContextOptions, Feature, GpuError,
     features::{FeatureChain, has_extension},
-    instance::unknown_to_layers,
+    instance::{unknown_to_layers, version_text},
+    memory::host_memory,
     needs,
     spirv::{MAXIMALLY_RECONVERGES, Mode, SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW},
 };
@@ -142,8 +143,14 @@ pub struct DeviceInfo {
     pub timestamp_period: f32,
     /// True for llvmpipe and other CPU implementations: costs are ALU and dispatch, never bandwidth.
     pub is_cpu: bool,
-    /// Name and version.
+    /// The driver's own text on its version.
     pub driver: String,
+    /// Name of the driver.
+    pub driver_name: String,
+    /// Version of Vulkan, such as 1.3.230.
+    pub vulkan: String,
+    /// Bytes of its largest heap of device memory; of a CPU device the host's memory.
+    pub memory_bytes: u64,
     /// Set if subgroup operations go through shared memory in software: names the missing need, or that
     /// software was requested.
     pub software_subgroups: Option<String>,
@@ -183,6 +190,7 @@ pub(super) struct Physical {
     api_version: u32,
     name: String,
     driver: String,
+    driver_name: String,
     driver_id: vk::DriverId,
     pub device_type: vk::PhysicalDeviceType,
     /// The device's own choice if no size is required.
@@ -311,6 +319,7 @@ impl Physical {
                 api_version,
                 name: text(p.device_name_as_c_str()),
                 driver: text(driver.driver_info_as_c_str()),
+                driver_name: text(driver.driver_name_as_c_str()),
                 driver_id: driver.driver_id,
                 device_type: p.device_type,
                 preferred_lanes: subgroup.subgroup_size,
@@ -412,6 +421,14 @@ impl Physical {
         Some((only.filter(|&lanes| wanted.is_none_or(|w| w == lanes))?, false))
     }
 
+    fn memory_bytes(&self) -> u64 {
+        let heaps = &self.memory.memory_heaps[..self.memory.memory_heap_count as usize];
+        let local = heaps.iter().filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        let largest = local.map(|heap| heap.size).max().unwrap_or_default();
+        let is_cpu = self.device_type == vk::PhysicalDeviceType::CPU;
+        host_memory().filter(|_| is_cpu).unwrap_or(largest)
+    }
+
     /// Valid timestamp bits of the first family with compute.
     pub fn timestamp_bits(&self) -> u32 {
         self.queue_family.map_or(0, |(_, bits)| bits)
@@ -446,6 +463,9 @@ impl Physical {
             timestamp_period: if timestamp_bits > 0 { timestamp_period } else { 0.0 },
             is_cpu: self.device_type == vk::PhysicalDeviceType::CPU,
             driver: self.driver.clone(),
+            driver_name: self.driver_name.clone(),
+            vulkan: version_text(self.api_version),
+            memory_bytes: self.memory_bytes(),
             software_subgroups: subgroups.filter(|s| s.software).map(|_| {
                 self.own_subgroups(None, enabled).err().unwrap_or_else(|| "software subgroups were asked for".into())
             }),
@@ -579,6 +599,7 @@ mod tests {
             api_version: vk::API_VERSION_1_2,
             name: "a device".into(),
             driver: String::new(),
+            driver_name: String::new(),
             driver_id: vk::DriverId::default(),
             device_type: vk::PhysicalDeviceType::DISCRETE_GPU,
             preferred_lanes: 32,

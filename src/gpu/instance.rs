@@ -66,6 +66,23 @@ pub(crate) fn create_instance(
     }
 }
 
+/// Version of the system's Vulkan loader, such as 1.3.239.
+///
+/// # Errors
+/// [`GpuError::NoLoader`] if it is not installed.
+pub fn loader_version() -> Result<String, GpuError> {
+    // SAFETY: as in `create_instance`.
+    let entry = unsafe { ash::Entry::load() }.map_err(|e| GpuError::NoLoader(e.to_string()))?;
+    // SAFETY: a plain query.
+    let version = unsafe { entry.try_enumerate_instance_version() }.check("vkEnumerateInstanceVersion")?;
+    Ok(version_text(version.unwrap_or(vk::API_VERSION_1_0)))
+}
+
+pub(super) fn version_text(version: u32) -> String {
+    let [major, minor] = [vk::api_version_major(version), vk::api_version_minor(version)];
+    format!("{major}.{minor}.{}", vk::api_version_patch(version))
+}
+
 /// Returns the feature that a device may offer but this machine's validation layers report as an error, because they are older.
 pub(super) fn unknown_to_layers(entry: &ash::Entry) -> Option<Feature> {
     // SAFETY: a plain query.

@@ -116,7 +116,7 @@ impl Budget {
 }
 
 /// A CPU device's memory is the host's, regardless of its heap: lavapipe reports 2 GiB on every machine.
-fn host_memory() -> Option<u64> {
+pub(super) fn host_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let kib = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?.trim().strip_suffix(" kB")?;
     kib.parse::<u64>().ok()?.checked_mul(1024)

@@ -26,6 +26,7 @@ pub use device::{DeviceInfo, Limit, Reconvergence, Requirements};
 pub use features::{Feature, FeatureChain};
 pub use half::f16;
 pub use images::{BufferRange, ImageRegion, Pixels};
+pub use instance::loader_version;
 #[cfg(feature = "view")]
 pub(crate) use instance::{create_instance, create_messenger};
 pub use memory::{Buffer, Location, Memory, RawBuffer, Unused};

@@ -270,6 +270,9 @@ fn mistakes_get_the_next_step() {
         fs::copy(work.path("data/images").join(name), work.path("photos/images").join(name)).unwrap();
     }
     fs::write(work.path("clip.mov"), b"\0\0\0\x14ftypqt  ").unwrap();
+    fs::write(work.path("x.zip"), b"PK\x03\x04").unwrap();
+    fs::create_dir(work.path("features")).unwrap();
+    fs::write(work.path("features/database.db"), "").unwrap();
     fs::create_dir(work.path("above")).unwrap();
     fs::rename(work.path("data"), work.path("above/data")).unwrap();
     // Every command that takes a dataset.
@@ -279,12 +282,14 @@ fn mistakes_get_the_next_step() {
             "photos",
             &["photos: found 2 photos but no camera poses; run COLMAP to find them, see docs/datasets.md"],
         );
+        refused("features", &["features: found a COLMAP database but no model", "run COLMAP's mapper, see docs"]);
         refused("above", &["above: no dataset here, but one folder deeper: give above/data"]);
         refused("above/data/images", &["no dataset here, but in the folder above: give ", "above/data"]);
         refused("~/data", &["~/data: the shell has not expanded `~`", "write \"$HOME/data\" instead"]);
         let video = "clip.mov: is a video; extract photos from it with ffmpeg and find their poses with COLMAP, see docs/datasets.md";
         refused("clip.mov", &[video]);
         if !command.starts_with("info") {
+            refused("x.zip", &["x.zip: is a ZIP archive, not a dataset; expected a folder with a COLMAP model"]);
             refused("base.ply", &["base.ply: is a PLY file, not a dataset", "the scene comes before the dataset"]);
         }
     }
@@ -300,6 +305,16 @@ fn mistakes_get_the_next_step() {
         for command in ["train data -o", "enhance data --base base.ply -o"] {
             work.refused(&format!("{command} a.{ending}"), &["the output is a PLY scene", &then]);
         }
+    }
+    for (option, meant) in
+        [("--iteration", "--iterations"), ("--sh", "--sh-degree"), ("--num-gaussians", "--gaussians")]
+    {
+        let output = work.run(&format!("train data -o x.ply {option} 3"));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            output.status.code() == Some(2) && said.contains(&format!("a similar argument exists: '{meant}'")),
+            "{said}"
+        );
     }
     work.refused("train data -o ~/x.ply", &["~/x.ply: the shell has not expanded `~`"]);
     work.refused("train data -o x.ply --init=~/x.ply", &["the shell has not expanded `~`"]);

@@ -3,6 +3,9 @@
 
 mod convert;
 mod datasets;
+#[cfg(unix)]
+mod doctor;
+mod examples;
 mod export;
 mod far;
 mod flags;

@@ -268,6 +268,7 @@ fn completions_and_manual_pages_are_made() {
         "convert",
         "demo",
         "devices",
+        "doctor",
         "enhance",
         "eval",
         "export",

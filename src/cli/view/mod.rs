@@ -88,6 +88,11 @@ pub(super) fn watch<T>(run: &Watched<'_>, work: impl FnOnce(&Context, &mut Look<
     watch::run(&desk, work)
 }
 
+/// Fails if no window can be opened on this machine.
+pub(super) fn try_display() -> Outcome {
+    window::try_display()
+}
+
 /// Maximum side of a window, as windowing systems and drivers accept it.
 const MAX_SIDE: u32 = 16_384;
 

@@ -90,6 +90,11 @@ pub(super) fn no_window(error: &impl ToString) -> Failure {
     Failure::NoWindow(reason(&error.to_string()))
 }
 
+/// Connects to the display and disconnects.
+pub(super) fn try_display() -> Outcome {
+    EventLoop::new().map(drop).map_err(|error| no_window(&error))
+}
+
 /// Shows `scene` until the window is closed. Returns the number of faults found by the validation layers.
 pub(super) fn run(desk: &Desk<'_>, scene: Scene) -> Outcome<usize> {
     let events = EventLoop::new().map_err(|error| no_window(&error))?;
