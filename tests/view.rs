@@ -503,6 +503,8 @@ fn a_scene_without_a_dataset_is_seen_whole() {
     // Gaussians in the middle, and mostly background in a corner.
     assert!(pixel(60, 45).iter().any(|v| *v < 200) && pixel(0, 0).iter().all(|v| *v > 200));
     assert_eq!(viewer.quit(), ["./scene-0001.png"]);
+    let doctor = run::run(glint(work.path(), "doctor").env("DISPLAY", &display.name));
+    assert!(String::from_utf8(doctor.stdout).unwrap().contains("ok       display  glint view can open a window"));
 }
 
 #[test]
