@@ -9,6 +9,7 @@ mod flags;
 mod gpu;
 mod kept;
 mod output;
+mod page;
 mod parts;
 #[path = "../common/run.rs"]
 mod run;

@@ -1,9 +1,6 @@
 //! Opens the pages of `glint export` and `glint report` in a headless browser, and compares the export's
 //! pixels with the float64 twin's. Skips if there is no Chromium, unless `GLINT_REQUIRE_CHROMIUM` is set.
 
-#[path = "common/run.rs"]
-mod run;
-
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -18,6 +15,8 @@ use glint::{
 };
 use serde_json::json;
 use tempfile::TempDir;
+
+use super::run;
 
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 

@@ -3,11 +3,6 @@
 //! For other subgroup sizes, also run with LP_NATIVE_VECTOR_WIDTH=512 (llvmpipe: 16 lanes instead of 8); the
 //! tests do not depend on it.
 
-mod common;
-#[path = "common/probe.rs"]
-mod probe;
-
-use common::Gpu;
 use glam::{DMat3, DQuat, DVec3, EulerRot};
 use glint::{
     pipelines::raster::TileShape,
@@ -17,7 +12,11 @@ use glint::{
         layout::{self, Array},
     },
 };
-use probe::{Blob, Probe, Setup, Shot, base, ripple};
+
+use super::{
+    common::Gpu,
+    probe::{Blob, Probe, Setup, Shot, base, ripple},
+};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
