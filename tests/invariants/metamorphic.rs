@@ -483,7 +483,11 @@ fn the_size_of_subgroups_changes_nothing() {
     let [a, b] = ["256", "512"].map(|width| {
         let path = folder.join(width);
         let mut child = std::process::Command::new(std::env::current_exe().unwrap());
-        let status = child.args(["--exact", "metamorphic::child"]).env(CHILD, &path).env("LP_NATIVE_VECTOR_WIDTH", width).output();
+        let status = child
+            .args(["--exact", "metamorphic::child"])
+            .env(CHILD, &path)
+            .env("LP_NATIVE_VECTOR_WIDTH", width)
+            .output();
         assert!(status.unwrap().status.success());
         bytemuck::pod_collect_to_vec::<u8, f64>(&std::fs::read(path).unwrap())
     });
