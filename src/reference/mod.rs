@@ -1,5 +1,5 @@
 //! The float64 twin of every stage: same name, same loops, on the host. Tests compare each kernel's results
-//! with these functions, and these functions with central differences (`tests/gradients.rs`). [`host`] lets
+//! with these functions, and these functions with central differences (`tests/invariants/gradients.rs`). [`host`] lets
 //! them replace stages.
 //!
 //! Layouts are those of `docs/design-notes.md`: parameters are planes, base Gaussians come first.

@@ -1,4 +1,4 @@
-//! Tests `glint export`. `tests/page.rs` tests the page's rendering.
+//! Tests `glint export`. `tests/cli/page.rs` tests the page's rendering.
 
 use std::fs;
 

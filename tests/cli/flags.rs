@@ -1,6 +1,6 @@
 //! Options and seeds change the result; repeating a run does not.
 
-use std::fs;
+use std::{collections::BTreeMap, fs};
 
 use image::Rgba;
 
@@ -16,12 +16,15 @@ impl Work {
         fs::read(self.path("made.ply")).unwrap()
     }
 
-    /// Checks that `command` gives the same scene twice, and another one with each of `options`.
-    fn changes(&self, command: &str, options: &[&str]) {
+    /// Checks that `command` gives the same scene twice, and another one with each of `options`; returns the
+    /// latter.
+    fn changes<'a>(&self, command: &str, options: &[&'a str]) -> BTreeMap<&'a str, Vec<u8>> {
         let plain = self.made(command, "");
         assert!(self.made(command, "") == plain, "{command} makes another scene every time");
-        let idle: Vec<_> = options.iter().filter(|option| self.made(command, option) == plain).collect();
+        let made: BTreeMap<_, _> = options.iter().map(|option| (*option, self.made(command, option))).collect();
+        let idle: Vec<_> = made.iter().filter(|(_, scene)| **scene == plain).map(|(option, _)| option).collect();
         assert!(idle.is_empty(), "{command}: {idle:?} change nothing");
+        made
     }
 }
 
@@ -44,20 +47,19 @@ fn every_option_of_training_changes_the_scene() {
         "--precision half",
     ];
     let (work, train) = (Work::new(), "train data --iterations 20 --sh-degree 1");
-    work.changes(train, &options);
-    assert!(work.made(train, "--test-every none") == work.made(train, "--holdout none"));
+    let made = work.changes(train, &options);
+    assert!(work.made(train, "--test-every none") == made["--holdout none"]);
     // Before its first refinement adaptive control does nothing, but its steps are Adam's; MCMC also has
     // other initial opacities.
-    for strategy in ["adc", "mcmc"] {
-        assert!(work.made(train, &format!("--strategy {strategy}")) != work.made(train, "--strategy fixed"));
-    }
-    assert!(work.made(train, "--max-size 16") != work.made(train, "--max-size 16 --reduce bicubic"));
+    let fixed = work.made(train, "--strategy fixed");
+    assert!(made["--strategy adc"] != fixed && made["--strategy mcmc"] != fixed);
+    assert!(made["--max-size 16"] != work.made(train, "--max-size 16 --reduce bicubic"));
 }
 
 #[test]
 fn every_option_of_augmenting_changes_the_scene() {
     let work = Work::small();
-    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    work.trained("train data --iterations 60 --sh-degree 1", "base.ply");
     let options = [
         "--seed 1",
         "--ratio 0.3",

@@ -18,6 +18,7 @@ use super::{Work, files, run};
 
 const CHECKPOINT: &str = "out.checkpoint.safetensors";
 const TRAIN: &str = "train data --iterations 400 --sh-degree 1 --deterministic";
+const BASE: &str = "train data --iterations 60 --sh-degree 1";
 const ENHANCE: &str = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --deterministic";
 
 impl Work {
@@ -177,7 +178,7 @@ fn a_checkpoint_is_a_scene() {
 #[test]
 fn a_second_run_to_one_place_is_refused() {
     let work = Work::new();
-    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    work.trained(BASE, "base.ply");
     for arguments in [format!("{TRAIN} -o out.ply"), format!("{ENHANCE} -o out.ply")] {
         let mut command = work.command(&format!("{arguments} --checkpoint-every 0"));
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -310,7 +311,7 @@ fn a_checkpoint_of_another_run_is_refused_by_key() {
 #[test]
 fn the_same_command_resumes_and_begins_anew_where_it_is_told_to() {
     let work = Work::new();
-    work.ok(&format!("{TRAIN} -o whole.ply"));
+    work.trained(TRAIN, "whole.ply");
     // An output next to its checkpoint, as after Ctrl-C.
     let ended = || {
         work.killed(&format!("{TRAIN} -o out.ply --force"), CHECKPOINT);
@@ -333,8 +334,8 @@ fn the_same_command_resumes_and_begins_anew_where_it_is_told_to() {
 
 #[test]
 fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
-    let work = Work::new();
-    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    let work = Work::small();
+    work.trained(BASE, "base.ply");
     work.ok(&format!("{ENHANCE} -o whole.ply"));
     let whole = || fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap();
     assert_eq!(files(work.0.path()), ["base.ply", "data", "whole.ply"]);
@@ -355,7 +356,7 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     for bytes in [&lifted, &kept] {
         fs::write(work.path(CHECKPOINT), bytes).unwrap();
         let report = work.json(&format!("{ENHANCE} -o out.ply --json --force"));
-        assert!(report["photos_resumed"] == 7 && whole(), "{report}");
+        assert!(report["photos_resumed"] == 4 && whole(), "{report}");
         assert_eq!(files(work.0.path()), ["base.ply", "data", "out.ply", "whole.ply"]);
     }
     // The joint phase resumes from its learned parameters.
@@ -400,8 +401,8 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
 #[cfg(unix)]
 #[test]
 fn a_joint_stage_that_is_interrupted_is_kept() {
-    let work = Work::new();
-    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    let work = Work::small();
+    work.trained(BASE, "base.ply");
     work.ok(&format!("{ENHANCE} -o whole.ply"));
     let mut child =
         work.command(&format!("{ENHANCE} -o out.ply --checkpoint-every 0")).stderr(Stdio::piped()).spawn().unwrap();
@@ -434,7 +435,7 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
 #[test]
 fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
     let work = Work::new();
-    work.ok(&format!("{TRAIN} -o whole.ply"));
+    work.trained(TRAIN, "whole.ply");
     for (disposition, signals) in [("--default-signal=HUP", &["-HUP"][..]), ("--ignore-signal=HUP", &["-HUP", "-TERM"])]
     {
         let glint = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
@@ -466,7 +467,7 @@ fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
 #[test]
 fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     let work = Work::new();
-    work.ok(&format!("{TRAIN} -o whole.ply"));
+    work.trained(TRAIN, "whole.ply");
     let mut command = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
     // Photos and the scene need fewer submissions than this, the whole run more.
     command.env("GLINT_LOST_AFTER", "80");
@@ -501,7 +502,7 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
 #[test]
 fn memory_that_runs_out_anywhere_is_an_error() {
     let work = Work::small();
-    work.ok("train data -o base.ply --iterations 20 --sh-degree 1");
+    work.trained("train data --iterations 20 --sh-degree 1", "base.ply");
     let before = work.listing();
     let clean = || {
         for (path, _) in work.listing().into_iter().filter(|(path, _)| !before.contains_key(path)) {
@@ -539,7 +540,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
             false
         };
         // Bisects for the smallest sufficient budget, so that later and later allocations fail.
-        let (mut few, mut enough) = (0, 1 << 25);
+        let (mut few, mut enough) = (0, 1 << 24);
         assert!(fits(enough), "glint {arguments}");
         while few == 0 || enough - few > enough / 8 {
             let budget = if few == 0 { enough / 2 } else { u64::midpoint(few, enough) };
@@ -554,7 +555,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
 #[test]
 fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     let work = Work::new();
-    work.ok(&format!("{TRAIN} -o whole.ply"));
+    work.trained(TRAIN, "whole.ply");
     // A run that had room for a checkpoint.
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     let kept = fs::read(work.path(CHECKPOINT)).unwrap();
@@ -574,7 +575,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
 
     // The outputs of other commands.
-    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    work.trained(BASE, "base.ply");
     let output = full("enhance data --base base.ply --method augs --preset quick -o x.ply");
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{said}");
@@ -595,7 +596,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
 fn pursuit_that_was_killed_goes_on_to_the_same_bits_and_places_what_is_lacking() {
     const PURSUE: &str = "enhance data --base base.ply --ratio 0.3 --deterministic";
     let work = Work::new();
-    work.ok("train data -o base.ply --iterations 60 --sh-degree 1");
+    work.trained(BASE, "base.ply");
     let report = work.json(&format!("{PURSUE} -o whole.ply --json"));
     let added = report["supplementary_gaussians"].as_u64().unwrap() + report["plain_gaussians"].as_u64().unwrap();
     assert!(added > 0 && added <= report["budget"].as_u64().unwrap(), "{report}");

@@ -12,6 +12,7 @@ mod flags;
 mod gpu;
 mod kept;
 mod output;
+mod page;
 mod parts;
 #[path = "../common/run.rs"]
 mod run;
@@ -29,6 +30,7 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Output, Stdio},
+    sync::Mutex,
 };
 
 use glam::{DMat3, DQuat, DVec3};
@@ -47,6 +49,9 @@ use tempfile::TempDir;
 
 /// Nine photos, the first and the last for testing: one is in a folder, two differ only in their extension.
 const NAMES: [&str; 9] = ["a.png", "b/c.png", "d.png", "e.png", "f.png", "g.PNG", "g.png", "h.png", "i.png"];
+
+/// Scenes by the number of photos and the command that trained them: equal datasets give equal scenes, so tests share them.
+static TRAINED: Mutex<BTreeMap<(usize, String), Vec<u8>>> = Mutex::new(BTreeMap::new());
 
 /// A folder with a dataset `data` and the test's files.
 struct Work(TempDir);
@@ -112,6 +117,17 @@ impl Work {
         let output = self.run(arguments);
         assert!(output.status.success(), "glint {arguments}: {}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// Writes the scene of a command that begins with `train data` to `file`. Only the first test trains it.
+    fn trained(&self, arguments: &str, file: &str) {
+        let mut trained = TRAINED.lock().unwrap();
+        let key = (files(&self.path("data/images")).len(), arguments.to_owned());
+        let scene = trained.entry(key).or_insert_with(|| {
+            self.ok(&format!("{arguments} -o {file}"));
+            fs::read(self.path(file)).unwrap()
+        });
+        fs::write(self.path(file), scene).unwrap();
     }
 
     fn json(&self, arguments: &str) -> Value {
@@ -492,7 +508,7 @@ fn a_closed_pipe_is_no_error() {
 #[test]
 fn an_augmentation_by_augs_adds_lobes_and_learns_opacities() {
     let work = Work::new();
-    work.ok("train data -o base.ply --iterations 150 --gaussians 300 --sh-degree 1");
+    work.trained("train data --iterations 150 --gaussians 300 --sh-degree 1", "base.ply");
     let enhance = "enhance data --base base.ply --method augs --preset quick --ratio 0.2 --json";
     let report = work.json(&format!("{enhance} -o first.ply"));
     let added = report["supplementary_gaussians"].as_u64().unwrap();
@@ -519,7 +535,7 @@ fn an_augmentation_by_augs_adds_lobes_and_learns_opacities() {
 #[test]
 fn a_scene_of_another_tool_is_a_base_for_any_dataset() {
     let Some(splats) = shared::shared("splats") else { return };
-    let work = Work::new();
+    let work = Work::small();
     let base = splats.join("inria_sh3_9k.ply");
     let report = work.json(&format!(
         "enhance data --base {} -o a.ply --method augs --preset quick --ratio 0.01 --json",

@@ -4,8 +4,11 @@ use super::*;
 
 const SAID: &str = "--background 0.2,0.9,0.6 --compensate --max-size 24";
 
-fn psnr(work: &Work, arguments: &str) -> f64 {
-    work.json(&format!("eval {arguments} --json"))["augmented"]["psnr"].as_f64().unwrap()
+/// The score, and what is said next to it.
+fn score(work: &Work, arguments: &str) -> (f64, String) {
+    let output = work.run(&format!("eval {arguments} --json"));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    (found["augmented"]["psnr"].as_f64().unwrap(), String::from_utf8(output.stderr).unwrap())
 }
 
 fn said(work: &Work, arguments: &str) -> String {
@@ -22,20 +25,18 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
     assert_eq!(info, known);
     assert!(work.ok("info more.ply").contains("background 0.2,0.9,0.6, photos of at most 24 pixels, antialiasing"));
     for scene in ["base.ply", "more.ply"] {
-        let found = psnr(&work, &format!("{scene} data"));
-        assert_eq!(found, psnr(&work, &format!("{scene} data {SAID}")));
+        let found = score(&work, &format!("{scene} data"));
+        assert_eq!(found, score(&work, &format!("{scene} data {SAID}")));
         // Each setting has an effect, and a differing one is reported.
         for (option, was) in [
             ("--background black", "--background 0.2,0.9,0.6, but 0,0,0 is given here"),
             ("--compensate=false", "--compensate true, but false is given here"),
             ("--max-size 32", "--max-size 24, but 32 is given here"),
         ] {
-            let arguments = format!("eval {scene} data {option}");
-            let text = said(&work, &arguments);
-            assert!(text.contains(&format!("{scene} was trained with {was}")), "{arguments}: {text}");
-            assert_ne!(found, psnr(&work, &format!("{scene} data {option}")), "{arguments}");
+            let (other, text) = score(&work, &format!("{scene} data {option}"));
+            assert!(text.contains(&format!("{scene} was trained with {was}")), "{scene} {option}: {text}");
+            assert_ne!(found.0, other, "{scene} {option}");
         }
-        assert_eq!(said(&work, &format!("eval {scene} data {SAID}")), said(&work, &format!("eval {scene} data")));
     }
     // Renders, reports and training from the scene use them too.
     work.ok("render more.ply data -o told");
@@ -45,7 +46,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
     }
     work.ok("report data base=base.ply more=more.ply -o page");
     let numbers: Value = serde_json::from_slice(&fs::read(work.path("page/report.json")).unwrap()).unwrap();
-    assert_eq!(numbers["scenes"][1]["psnr"].as_f64(), Some(psnr(&work, "more.ply data")), "{numbers}");
+    assert_eq!(numbers["scenes"][1]["psnr"].as_f64(), Some(score(&work, "more.ply data").0), "{numbers}");
     for options in ["", SAID] {
         work.ok(&format!("export --html page{}.html more.ply data {options}", options.len()));
         work.ok(&format!("train data --init base.ply -o on{}.ply --iterations 5 {options}", options.len()));
@@ -55,14 +56,14 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
     assert!(same("page0.html", &format!("page{n}.html")) && same("on0.ply", &format!("on{n}.ply")));
 
     // Formats keep the settings, or a note names the options to give again.
-    let whole = psnr(&work, "more.ply data");
+    let whole = score(&work, "more.ply data").0;
     for ending in ["ply", "glb"] {
         work.ok(&format!("convert more.ply copy.{ending} --force"));
         // glTF stores opacities and scales, not their logits and logarithms: 3e-10 dB here.
-        let off = (psnr(&work, &format!("copy.{ending} data")) - whole).abs();
+        let off = (score(&work, &format!("copy.{ending} data")).0 - whole).abs();
         assert!(off <= if ending == "glb" { 1e-5 } else { 0.0 }, "{ending}: {off}");
     }
-    let base = psnr(&work, "base.ply data");
+    let base = score(&work, "base.ply data").0;
     for (ending, again) in [
         ("compressed.ply", ""),
         ("sog", ""),
@@ -71,9 +72,9 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
     ] {
         let text = said(&work, &format!("convert base.ply copy.{ending}"));
         assert!(again.is_empty() != text.contains(&format!("give {again} to glint")), "{ending}: {text}");
-        let found = psnr(&work, &format!("copy.{ending} data {again}"));
-        assert_eq!(found, psnr(&work, &format!("copy.{ending} data {SAID}")), "{ending}");
-        assert_ne!(found, psnr(&work, &format!("copy.{ending} data --background black")), "{ending}");
+        let found = score(&work, &format!("copy.{ending} data {again}")).0;
+        assert_eq!(found, score(&work, &format!("copy.{ending} data {SAID}")).0, "{ending}");
+        assert_ne!(found, score(&work, &format!("copy.{ending} data --background black")).0, "{ending}");
         // The loss from quantisation is 0.02 dB; .splat only has constant colors.
         assert!((found - base).abs() < if ending == "splat" { 1.0 } else { 0.1 }, "{ending}: {found} and {base}");
     }
@@ -85,7 +86,8 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
     let text = said(&work, "train data -o base.ply --iterations 20 --points 50 --gaussians 60 --sh-degree 3");
     let line = |begin: &str| text.lines().find(|line| line.starts_with(begin)).unwrap_or_default().to_owned();
     assert!(line("training on ").contains("): 7 photos of 32 × 24, 50 to 60 Gaussians, 20 steps"), "{text}");
-    let text = said(&work, "enhance data --base base.ply -o more.ply --ratio 0.2");
+    let output = work.run("enhance data --base base.ply -o more.ply --ratio 0.2");
+    let [result, text] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
     let line = text.lines().find(|line| line.starts_with("enhancing on ")).unwrap();
     assert!(line.contains("): 7 photos of 32 × 24, 60 Gaussians, "), "{text}");
     assert!(said(&work, "train data -o x.ply --iterations 2 -q").is_empty());
@@ -93,8 +95,7 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
     let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --json --force");
     let longer = &report["gain"]["longer_training"];
     assert!(longer["measured"] == true && longer["psnr"].as_f64().is_some_and(f64::is_finite), "{report}");
-    let text = work.ok("enhance data --base base.ply -o x.ply --ratio 0.2 --force");
-    assert!(text.contains("longer training instead, ") && text.contains("dB (measured)"), "{text}");
+    assert!(result.contains("longer training instead, ") && result.contains("dB (measured)"), "{result}");
     // A run with a time limit has no time left for that measurement.
     let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --time 9s --json --force");
     assert_eq!(report["gain"]["longer_training"]["measured"], false, "{report}");
@@ -103,15 +104,16 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
 /// 12 dB is an error of a quarter of the range.
 #[test]
 fn a_scene_of_another_dataset_is_told() {
-    let work = Work::new();
+    let work = Work::small();
     let mut white = random_scene(3, 300, 0, 0);
     white.base.means.iter_mut().flatten().for_each(|v| *v = v.sin());
     white.base.sh.fill([9.0; 3]);
     write_scene(work.path("white.ply"), &white).unwrap();
-    let found = work.json("eval white.ply data --json")["base"]["psnr"].as_f64().unwrap();
+    let (found, notes) = score(&work, "white.ply data");
     assert!(found < 12.0, "{found}");
-    let told = |arguments: &str| said(&work, arguments).contains("on these photos, like a scene of another dataset");
-    assert!(told("eval white.ply data") && told("enhance data --base white.ply -o x.ply --ratio 0.1"));
+    let tells = |text: &str| text.contains("on these photos, like a scene of another dataset");
+    let told = |arguments: &str| tells(&said(&work, arguments));
+    assert!(tells(&notes) && told("enhance data --base white.ply -o x.ply --ratio 0.1"));
     work.ok("train data -o own.ply --iterations 100");
     assert!(!told("eval own.ply data") && !told("enhance data --base own.ply -o y.ply --ratio 0.1"));
 }

@@ -1,5 +1,6 @@
-//! Tests real datasets and scenes from `../shared/data`; skips with a message if they are missing.
+//! Tests the built-in scene, and real datasets and scenes from `../shared/data`; the latter skip with a message if they are missing.
 
+mod builtin;
 mod carving;
 #[path = "../common/mod.rs"]
 mod common;

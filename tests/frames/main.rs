@@ -12,8 +12,11 @@ mod shared;
 mod depths;
 mod instances;
 mod loading;
+mod outside;
 mod refused;
 mod room;
+#[path = "../common/run.rs"]
+mod run;
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},

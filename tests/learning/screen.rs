@@ -1,11 +1,6 @@
 //! Tests the screen phase as a whole, and data that its kernels must not change; `glint verify` checks their
 //! results.
 
-mod common;
-#[path = "common/wall.rs"]
-mod wall;
-
-use common::{Gpu, session};
 use glint::{
     gpu::{Buffer, Recorder},
     pipelines::{
@@ -21,7 +16,7 @@ use glint::{
         screen_project::screen_project,
         screen_tiles::{WINDOW_RADIUS, screen_tiles},
     },
-    scene::{Camera, Scene},
+    scene::{Camera, Gaussians, Scene},
     stages::{
         constants::{
             constants::NONE,
@@ -33,7 +28,8 @@ use glint::{
     },
     verify::screen::{SMALL_FRAMES, Scattered, pixel_count, pixels_of},
 };
-use wall::wall;
+
+use super::common::{Gpu, session};
 
 fn close(got: f32, expected: f64, tolerance: f64, what: &str) {
     let error = (f64::from(got) - expected).abs();
@@ -184,6 +180,19 @@ fn waiting_views_and_overflow_leave_everything_alone() {
     assert_eq!((drawn(&gpu, &loss, Status::default()).len(), drawn(&gpu, &loss, failed()).len()), (4, 0));
 }
 
+/// A few wide, flat Gaussians of one color at z = 4.
+fn wall() -> Gaussians {
+    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
+    for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
+        base.means.push([i as f32 - 2.0, j as f32 - 2.0, 4.0]);
+        base.log_scales.push([-0.4, -0.4, -4.0]);
+        base.quats.push([1.0, 0.0, 0.0, 0.0]);
+        base.opacities.push(4.0);
+        base.sh.push([0.3, -0.2, 0.5]);
+    }
+    base
+}
+
 /// A wall of a few wide Gaussians, and photographs of it with stripes that the wall lacks.
 fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
     striped(views, 180, 160)
@@ -217,7 +226,7 @@ fn striped(views: usize, width: u32, height: u32) -> (Scene, Vec<Camera>, Vec<Ve
     )
 }
 
-const SCHEDULE: Schedule = Schedule { round_steps: 180, final_steps: 60, max_rounds: 3, shared_steps: false };
+const SCHEDULE: Schedule = Schedule { round_steps: 90, final_steps: 30, max_rounds: 3, shared_steps: false };
 
 /// Refines the views; with `go_on`, from the renders of the losses, and then with another scene.
 fn refine(
@@ -295,7 +304,7 @@ fn batches_come_one_after_the_other() {
     let photographs: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
-    let schedule = Schedule { round_steps: 4, final_steps: 4, max_rounds: 2, shared_steps: false };
+    let schedule = Schedule { round_steps: 2, final_steps: 2, max_rounds: 2, shared_steps: false };
     let refined = |range: std::ops::Range<usize>, go_on: bool| {
         let views = Views::upload(&gpu, &cameras[range.clone()], &photographs[range.clone()]).unwrap();
         let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, options).unwrap();

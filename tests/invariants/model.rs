@@ -1,11 +1,6 @@
 //! Tests the model's pages and counts: results do not depend on the layout in memory, and a segment can grow,
 //! shrink and be reordered on the device.
 
-mod common;
-#[path = "common/probe.rs"]
-mod probe;
-
-use common::{Gpu, peak_memory, session};
 use glam::DVec3;
 use glint::{
     gpu::Buffer,
@@ -27,7 +22,11 @@ use glint::{
         status::{self, Resource, Status},
     },
 };
-use probe::{BACKGROUND, Probe, RATES, Setup, ripple};
+
+use super::{
+    common::{Gpu, peak_memory, session},
+    probe::{BACKGROUND, Probe, RATES, Setup, ripple},
+};
 
 #[test]
 fn pages_change_nothing() {

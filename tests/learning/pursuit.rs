@@ -1,8 +1,5 @@
 //! Residual pursuit with unusual scenes, photographs and views.
 
-mod common;
-
-use common::{Gpu, session};
 use glam::{DMat3, DVec3};
 use glint::{
     data::gaussian_bytes,
@@ -17,6 +14,8 @@ use glint::{
     },
     scene::{Camera, Gaussians, Scene},
 };
+
+use super::common::{Gpu, session};
 
 const SIZE: (u32, u32) = (60, 50);
 const GREY: [u8; 3] = [150, 115, 165];

@@ -1,8 +1,5 @@
 //! Bands for the Gaussians that gain by them: what is found, what it gains, and scenes in which only some have bands.
 
-mod common;
-
-use common::{Gpu, session};
 use glam::{DMat3, DVec3};
 use glint::{
     data::{band_bytes, read_scene, scene_bytes, write_scene},
@@ -19,6 +16,8 @@ use glint::{
     scene::{Camera, Gaussians, Scene, layout},
     stages::status,
 };
+
+use super::common::{Gpu, session};
 
 const VIEWS: u32 = 30;
 

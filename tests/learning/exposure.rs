@@ -1,11 +1,8 @@
 //! Exposure correction: photographs with known exposures are separated from the scene, and checkpoints
 //! include the maps.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{Gpu, session};
 use glint::{
     Error,
     data::{
@@ -22,9 +19,13 @@ use glint::{
         train::{BaseOptions, StepPlan, Trainer, dense_trainer},
         views::Views,
     },
-    reference::Params,
     report::{decompose::srgb_from_linear, evaluate::evaluate},
     scene::{Camera, Gaussians, Scene, from_points},
+};
+
+use super::{
+    bits,
+    common::{Gpu, session},
 };
 
 /// Width and height of all photographs, pixels.
@@ -149,12 +150,6 @@ fn known_exposures_are_told_from_the_scene() {
     assert!(with > without + 0.7, "{with} and {without}");
     assert!(left < 0.4, "{left}");
     assert!(off < 1e-6, "{off}");
-}
-
-/// Every float as its bits.
-fn bits(scene: &Scene) -> Vec<u64> {
-    let p = Params::from_scene(scene).unwrap();
-    [p.geometry, p.sh].concat().into_iter().map(f64::to_bits).collect()
 }
 
 fn map_bits(trainer: &Trainer) -> Vec<u32> {

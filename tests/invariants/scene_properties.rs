@@ -1,9 +1,6 @@
 //! Any scene with numbers in their documented ranges survives a round trip bit for bit: through a PLY file,
 //! through the twins' planes, through the device.
 
-mod common;
-
-use common::Gpu;
 use glam::DVec3;
 use glint::{
     data::{read_scene, write_scene},
@@ -18,6 +15,8 @@ use proptest::{
     prelude::*,
     test_runner::{Config, TestRunner},
 };
+
+use super::common::Gpu;
 
 /// Every finite number, of all magnitudes.
 fn finite() -> impl Strategy<Value = f32> {

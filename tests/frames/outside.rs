@@ -1,10 +1,6 @@
 //! Uses glint from outside: a crate and a C program that depend on it like any other, built with Rust and a C
 //! compiler alone.
 
-mod common;
-#[path = "common/run.rs"]
-mod run;
-
 use std::{
     collections::BTreeSet,
     fs,
@@ -13,7 +9,6 @@ use std::{
     time::Duration,
 };
 
-use common::Gpu;
 use glam::{DMat4, DVec3, DVec4};
 use glint::{
     data::write_scene,
@@ -33,6 +28,8 @@ use glint::{
     },
     scene::{Camera, Scene},
 };
+
+use super::{common::Gpu, run};
 
 const SIZE: [u32; 2] = [96, 72];
 const PIXELS: usize = (SIZE[0] * SIZE[1]) as usize;

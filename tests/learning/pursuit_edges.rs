@@ -1,11 +1,8 @@
-//! Invariants of residual pursuit, to the bit: pages, budgets, views that see nothing. `tests/pursuit.rs`
+//! Invariants of residual pursuit, to the bit: pages, budgets, views that see nothing. `tests/learning/pursuit.rs`
 //! tests the placement itself.
-
-mod common;
 
 use std::slice::from_ref;
 
-use common::{Gpu, session};
 use glam::{DMat3, DVec3};
 use glint::{
     gpu::Context,
@@ -19,6 +16,8 @@ use glint::{
     scene::{Camera, Gaussians, Scene},
     stages::types::Lift,
 };
+
+use super::common::{Gpu, session};
 
 const WIDTH: u32 = 60;
 const HEIGHT: u32 = 50;

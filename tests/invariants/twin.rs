@@ -1,11 +1,8 @@
 //! Twins that replace stages at run time: each stage in the pipelines that use it, all at once in `glint
 //! verify`, and the handling of a twin that is wrong or fails.
 
-mod common;
-
 use std::collections::BTreeSet;
 
-use common::Gpu;
 use glint::{
     gpu::{Buffer, ContextOptions, GpuError, Twin},
     pipelines::{
@@ -17,6 +14,8 @@ use glint::{
     stages::{blend, status},
     verify::{Options, run},
 };
+
+use super::common::Gpu;
 
 const BACKGROUND: [f32; 3] = [0.2, 0.5, 0.7];
 

@@ -1,11 +1,8 @@
 //! The numbers in docs/method.md equal those in the code, and the joint phase moves exactly the parameters
 //! that the method lists.
 
-mod common;
-
 use std::collections::BTreeMap;
 
-use common::{Gpu, session};
 use glint::{
     data::builtin::builtin_scene,
     pipelines::{
@@ -42,6 +39,8 @@ use glint::{
         from_points,
     },
 };
+
+use super::common::{Gpu, session};
 
 /// Values in the code, by the table's names.
 fn numbers() -> BTreeMap<&'static str, f64> {
@@ -160,7 +159,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
 /// `glint verify` checks that kernels and twins use the same numbers.
 #[test]
 fn the_numbers_are_those_of_the_page() {
-    let page = include_str!("../docs/method.md");
+    let page = include_str!("../../docs/method.md");
     let (_, table) = page.split_once("## Numbers").unwrap();
     let cells = |line: &'static str| {
         let (name, value) = line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | ")?;

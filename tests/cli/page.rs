@@ -1,13 +1,11 @@
 //! Opens the pages of `glint export` and `glint report` in a headless browser, and compares the export's
 //! pixels with the float64 twin's. Skips if there is no Chromium, unless `GLINT_REQUIRE_CHROMIUM` is set.
 
-#[path = "common/run.rs"]
-mod run;
-
 use std::{
     fs,
     path::{Path, PathBuf},
     process::Command,
+    sync::LazyLock,
 };
 
 use base64::{Engine, engine::general_purpose::STANDARD};
@@ -18,6 +16,8 @@ use glint::{
 };
 use serde_json::json;
 use tempfile::TempDir;
+
+use super::run;
 
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 
@@ -45,7 +45,7 @@ fn chromium() -> Option<PathBuf> {
 
 /// The DOM of the page at `path` after loading.
 fn loaded(browser: &Path, path: &Path, hash: &str, more: &[&str]) -> String {
-    let profile = tempfile::tempdir().unwrap();
+    let profile = TempDir::new().unwrap();
     let mut command = Command::new(browser);
     command.args(["--headless", "--no-sandbox", "--disable-gpu-sandbox", "--disable-dev-shm-usage", "--no-first-run"]);
     command.args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-extensions", "--dump-dom"]);
@@ -68,6 +68,11 @@ fn pixels(page: &str) -> Vec<u8> {
 
 /// Chromium with WebGPU; skips if it has none, unless `GLINT_REQUIRE_CHROMIUM` is set.
 fn with_webgpu() -> Option<PathBuf> {
+    static FOUND: LazyLock<Option<PathBuf>> = LazyLock::new(find_webgpu);
+    FOUND.clone()
+}
+
+fn find_webgpu() -> Option<PathBuf> {
     let browser = chromium()?;
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("page.html");
@@ -101,10 +106,10 @@ fn webgpu_draws_what_the_twin_draws() {
     draws_what_the_twin_draws(&browser, "webgpu", WEBGPU);
 }
 
+/// All pages in frames of one browser: most of the time of a browser of their own is its start and its shaders.
 fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("page.html");
     let (mut whole, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
+    let mut cases = Vec::new();
     // Base and supplement may have different bands.
     for (show, precision, compensate, [base, lobed]) in [
         ("both", "half", false, [3, 3]),
@@ -116,24 +121,37 @@ fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
         let mut scene = whole.clone();
         scene.base = scene.base.with_degree(base);
         scene.supplement = scene.supplement.map(|s| Supplement { gaussians: s.gaussians.with_degree(lobed), ..s });
-        write_page(&path, &scene, &camera, compensate);
-        let hash =
-            format!("camera=a%20%26%20b.png&size=160x120&show={show}&precision={precision}&renderer={renderer}&pixels");
-        compare(&pixels(&loaded(browser, &path, &hash, more)), &scene, show, &camera, compensate);
+        let hash = format!("camera=a%20%26%20b.png&size=160x120&show={show}&precision={precision}");
+        cases.push((hash, scene, show, camera, compensate));
     }
     // Many equal depths, drawn in the order of their indices.
     for (i, mean) in (0..).zip(&mut whole.base.means) {
         *mean = [i % 7, i % 5, i % 3].map(|k| 0.3 * (k as f32 - 2.0));
     }
-    write_page(&path, &whole, &camera, false);
-    let hash = format!("size=160x120&renderer={renderer}&pixels");
-    compare(&pixels(&loaded(browser, &path, &hash, more)), &whole, "both", &camera, false);
+    cases.push(("size=160x120".into(), whole, "both", camera, false));
     // A camera with its principal point at the picture's left side.
     let half = Camera { width: 80, cx: camera.cx - 80.0, ..camera };
-    let scene = random_scene(42, 1500, 0, 0);
-    write_page(&path, &scene, &half, false);
-    let hash = format!("camera=a%20%26%20b.png&size=80x120&renderer={renderer}&pixels");
-    compare(&pixels(&loaded(browser, &path, &hash, more)), &scene, "both", &half, false);
+    let hash = "camera=a%20%26%20b.png&size=80x120".into();
+    cases.push((hash, random_scene(42, 1500, 0, 0), "both", half, false));
+
+    let folder = TempDir::new().unwrap();
+    let mut frames = String::new();
+    for (i, (hash, scene, _, camera, compensate)) in cases.iter().enumerate() {
+        write_page(&folder.path().join(format!("{i}.html")), scene, camera, *compensate);
+        frames += &format!("<iframe src=\"{i}.html#{hash}&renderer={renderer}&pixels\"></iframe>");
+    }
+    let collect = "<script>addEventListener('load', () => document.querySelectorAll('iframe').forEach(frame => {
+        const found = ['message', 'pixels'].map(id => frame.contentDocument.getElementById(id) ?? '');
+        document.body.append(document.createElement('hr'), ...found);
+    }))</script>";
+    let path = folder.path().join("all.html");
+    fs::write(&path, frames + collect).unwrap();
+    let page = loaded(browser, &path, "", &[more, &["--allow-file-access-from-files"]].concat());
+    let found: Vec<Vec<u8>> = page.split("<hr>").skip(1).map(pixels).collect();
+    assert_eq!(found.len(), cases.len());
+    for (rgb, (_, scene, show, camera, compensate)) in found.iter().zip(&cases) {
+        compare(rgb, scene, show, camera, *compensate);
+    }
 }
 
 /// Compares 8-bit values with the twin's unrounded ones.

@@ -1,10 +1,7 @@
 //! Compares the score of a decomposition with float64.
 
-mod common;
-
 use std::fs;
 
-use common::Gpu;
 use glint::{
     data::{Alpha, DIFFUSE, ImageFile, Photo, PixelSource, Reduce, SPECULAR, Split, write_png_bytes},
     pipelines::render::RenderOptions,
@@ -12,6 +9,8 @@ use glint::{
     report::evaluate::evaluate_parts,
     scene::Scene,
 };
+
+use super::common::Gpu;
 
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 

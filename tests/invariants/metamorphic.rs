@@ -3,11 +3,6 @@
 //! For other subgroup sizes, also run with LP_NATIVE_VECTOR_WIDTH=512 (llvmpipe: 16 lanes instead of 8); the
 //! tests do not depend on it.
 
-mod common;
-#[path = "common/probe.rs"]
-mod probe;
-
-use common::Gpu;
 use glam::{DMat3, DQuat, DVec3, EulerRot};
 use glint::{
     pipelines::raster::TileShape,
@@ -17,7 +12,11 @@ use glint::{
         layout::{self, Array},
     },
 };
-use probe::{Blob, Probe, Setup, Shot, base, ripple};
+
+use super::{
+    common::Gpu,
+    probe::{Blob, Probe, Setup, Shot, base, ripple},
+};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
@@ -484,7 +483,11 @@ fn the_size_of_subgroups_changes_nothing() {
     let [a, b] = ["256", "512"].map(|width| {
         let path = folder.join(width);
         let mut child = std::process::Command::new(std::env::current_exe().unwrap());
-        let status = child.args(["--exact", "child"]).env(CHILD, &path).env("LP_NATIVE_VECTOR_WIDTH", width).output();
+        let status = child
+            .args(["--exact", "metamorphic::child"])
+            .env(CHILD, &path)
+            .env("LP_NATIVE_VECTOR_WIDTH", width)
+            .output();
         assert!(status.unwrap().status.success());
         bytemuck::pod_collect_to_vec::<u8, f64>(&std::fs::read(path).unwrap())
     });

@@ -1,9 +1,6 @@
 //! Two runs on one device give the same bits: base training, and the whole augmentation; so does an
 //! interrupted run.
 
-mod common;
-
-use common::{Gpu, session};
 use glint::{
     data::builtin::builtin_scene,
     pipelines::{
@@ -15,16 +12,15 @@ use glint::{
         train::{BaseOptions, train_base},
         views::Views,
     },
-    reference::{Params, random_scene},
+    reference::random_scene,
     scene::{Camera, Scene, from_points},
     stages::WORKGROUP,
 };
 
-/// Every float as its bits: distinguishes 0 from −0, and NaN equals itself.
-fn bits(scene: &Scene) -> Vec<u64> {
-    let p = Params::from_scene(scene).unwrap();
-    [p.geometry, p.sh, p.lobes].concat().into_iter().map(f64::to_bits).collect()
-}
+use super::{
+    bits,
+    common::{Gpu, session},
+};
 
 fn trained(session: &Session, views: &Views, start: &Scene) -> (Vec<u64>, Vec<u32>, Scene) {
     let model = Model::upload(&session.context, start, 0).unwrap();

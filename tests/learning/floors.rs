@@ -1,9 +1,6 @@
 //! The gain of each stage on the built-in scene, in dB: lower bounds for base training, screen refinement,
 //! lifting and joining, and for `train` and `enhance` without options.
 
-mod common;
-
-use common::{Gpu, session};
 use glint::{
     data::{Photo, Split, builtin::builtin_scene},
     pipelines::{
@@ -24,6 +21,8 @@ use glint::{
     scene::{Scene, from_points},
     stages::types::Lift,
 };
+
+use super::common::{Gpu, session};
 
 /// Mean PSNR of a batch's training views: of the base alone, and with its 2D Gaussians over it.
 fn on_screen(refiner: &Refiner, photos: &[&Photo], background: [f32; 3]) -> (f64, f64) {

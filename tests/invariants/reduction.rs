@@ -1,10 +1,5 @@
 //! Gradients accumulated by float atomics, the fallback if records by intersection do not fit.
 
-mod common;
-#[path = "common/probe.rs"]
-mod probe;
-
-use common::Gpu;
 use glam::DVec3;
 use glint::{
     gpu::{ContextOptions, GpuError},
@@ -14,7 +9,11 @@ use glint::{
     },
     reference::random_scene,
 };
-use probe::{Blob, Probe, Setup, camera_at, distance, ripple, scene};
+
+use super::{
+    common::Gpu,
+    probe::{Blob, Probe, Setup, camera_at, distance, ripple, scene},
+};
 
 /// The smallest number of intersections whose records exceed the device's limit for one buffer.
 fn too_many(gpu: &Gpu) -> u32 {

@@ -1,9 +1,6 @@
 //! Density control: the number of Gaussians follows the strategy within its limit, with the same bits every
 //! run and across an interruption.
 
-mod common;
-
-use common::{Gpu, session};
 use glint::{
     data::builtin::builtin_scene,
     pipelines::{
@@ -13,17 +10,15 @@ use glint::{
         train::{BaseOptions, Trainer, dense_trainer},
         views::Views,
     },
-    reference::Params,
     scene::{Camera, Gaussians, Scene, from_points},
 };
 
-const STRATEGIES: [Strategy; 3] = [Strategy::Mcmc, Strategy::Adc, Strategy::Budget];
+use super::{
+    bits,
+    common::{Gpu, session},
+};
 
-/// Every float as its bits: distinguishes 0 from −0, and NaN equals itself.
-fn bits(scene: &Scene) -> Vec<u64> {
-    let p = Params::from_scene(scene).unwrap();
-    [p.geometry, p.sh].concat().into_iter().map(f64::to_bits).collect()
-}
+const STRATEGIES: [Strategy; 3] = [Strategy::Mcmc, Strategy::Adc, Strategy::Budget];
 
 struct Setup {
     session: Session,
