@@ -305,9 +305,9 @@ impl Args {
             strategy: self.strategy,
             first: first.gaussians.len() as u32,
             most: first.most as u32,
-            halvings: self
-                .halvings
-                .unwrap_or_else(|| if self.strategy.is_newton() { halvings_for(&photos, first.most as u32) } else { 0 }),
+            halvings: self.halvings.unwrap_or_else(|| {
+                if self.strategy.is_newton() { halvings_for(&photos, first.most as u32) } else { 0 }
+            }),
         };
         // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);
