@@ -197,6 +197,45 @@ fn rust_in_the_documents_is_taken_from_programs() {
     }
 }
 
+/// Links between documents lead to files and headings that exist.
+#[test]
+fn links_in_the_documents_lead_somewhere() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut pages = Vec::new();
+    files(&root.join("docs"), "md", &mut pages);
+    pages.extend(
+        fs::read_dir(root)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.extension() == Some("md".as_ref())),
+    );
+    // As GitHub names headings.
+    let anchor = |heading: &str| {
+        let kept = heading.to_lowercase().replace(' ', "-");
+        kept.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect::<String>()
+    };
+    let anchors = |page: &Path| -> BTreeSet<String> {
+        let text = fs::read_to_string(page).unwrap_or_default();
+        text.lines()
+            .filter(|line| line.starts_with('#'))
+            .map(|line| anchor(line.trim_start_matches('#').trim()))
+            .collect()
+    };
+    for page in &pages {
+        let text = fs::read_to_string(page).unwrap();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            let (path, heading) = link.split_once('#').map_or((link, None), |(path, heading)| (path, Some(heading)));
+            if path.starts_with("http") {
+                continue;
+            }
+            let target = if path.is_empty() { page.clone() } else { page.parent().unwrap().join(path) };
+            assert!(target.exists(), "{}: no file {link}", page.display());
+            let found = heading.is_none_or(|heading| anchors(&target).contains(heading));
+            assert!(found, "{}: no heading {link}", page.display());
+        }
+    }
+}
+
 /// Phrases that a native reader stumbles over, each with what to write. Text is compared as words: letters in lower case, all else as one
 /// space. Grow the list if a review finds another.
 const PHRASES: [(&str, &str); 14] = [

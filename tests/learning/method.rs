@@ -1,4 +1,4 @@
-//! The numbers in docs/method.md equal those in the code, and the joint phase moves exactly the parameters
+//! The numbers in docs/numbers.md equal those in the code, and the joint phase moves exactly the parameters
 //! that the method lists.
 
 use std::collections::BTreeMap;
@@ -149,7 +149,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("pursuit: caution", pursuit.caution.into()),
         ("pursuit: doubt", pursuit.doubt.into()),
         ("pursuit: least opacity of a supplement", pursuit.least_opacity.into()),
-        ("pursuit: joint rates, of the base's last", ours.join.pace.into()),
+        ("pursuit: joint rates, of those of `join`", ours.join.pace.into()),
         ("pursuit: joint rates at last, of those at first", ours.join.decay.into()),
         ("pursuit: Gaussians at most, by their gain, of the base's", MOST_BY_GAIN),
         ("pursuit: Gaussians at most, by bytes, of the base's", MOST_BY_BYTES),
@@ -159,14 +159,13 @@ fn numbers() -> BTreeMap<&'static str, f64> {
 /// `glint verify` checks that kernels and twins use the same numbers.
 #[test]
 fn the_numbers_are_those_of_the_page() {
-    let page = include_str!("../../docs/method.md");
-    let (_, table) = page.split_once("## Numbers").unwrap();
+    let page = include_str!("../../docs/numbers.md");
     let cells = |line: &'static str| {
         let (name, value) = line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | ")?;
         let parts: Vec<f64> = value.split('/').map(|part| part.parse().ok()).collect::<Option<_>>()?;
         Some((name, parts.into_iter().reduce(|a, b| a / b)?))
     };
-    let said: BTreeMap<&str, f64> = table.lines().filter_map(cells).collect();
+    let said: BTreeMap<&str, f64> = page.lines().filter_map(cells).collect();
     let found = numbers();
     assert_eq!(said.keys().collect::<Vec<_>>(), found.keys().collect::<Vec<_>>());
     for (name, value) in said {
