@@ -549,6 +549,14 @@ thread_local! {
 
 /// Does `work`, and returns the results that it prints.
 fn captured<T>(work: impl FnOnce() -> T) -> (String, T) {
+    /// A stopped command unwinds.
+    struct End;
+    impl Drop for End {
+        fn drop(&mut self) {
+            CAPTURED.take();
+        }
+    }
+    let _end = End;
     CAPTURED.set(Some(String::new()));
     let done = work();
     (CAPTURED.take().unwrap_or_default(), done)
@@ -592,6 +600,15 @@ mod tests {
         let held = vec![1u8; 50_000_000];
         let most = peak_memory().unwrap();
         assert!((held.len() as u64..1 << 40).contains(&most), "{most}");
+    }
+
+    #[test]
+    fn results_are_captured_until_the_work_ends() {
+        let said = captured(|| print("a").and_then(|()| print(1)).is_ok());
+        assert_eq!(said, ("a1".into(), true));
+        // As a stopped command does.
+        let ended = std::panic::catch_unwind(|| captured(|| std::panic::resume_unwind(Box::new(()))));
+        assert!(ended.is_err() && CAPTURED.with_borrow(Option::is_none));
     }
 
     #[test]

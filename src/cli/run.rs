@@ -134,15 +134,15 @@ impl Args {
         let dataset = photos.open(&path)?;
         let steps = self.steps(&path, &dataset, &photos)?;
         OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
-        let known = self.known(&steps)?;
+        self.prepare(&steps)?;
+        let before = steps.iter().take_while(|step| step.done.exists()).count();
         for (i, step) in steps.iter().enumerate() {
-            let line = line_of(&step.arguments);
-            if known && step.done.exists() && !self.restart {
-                progress::tell_run(format_args!("{}/{} done before: {line}", i + 1, steps.len()));
-                continue;
+            let (line, is_done) = (line_of(&step.arguments), i < before);
+            let state = if is_done { " done before" } else { "" };
+            progress::tell_run(format_args!("{}/{}{state}: {line}", i + 1, steps.len()));
+            if !is_done {
+                step.run(self.restart)?;
             }
-            progress::tell_run(format_args!("{}/{}: {line}", i + 1, steps.len()));
-            step.run(self.restart)?;
         }
         self.tell(&steps, began)
     }
@@ -215,45 +215,38 @@ impl Args {
         ])
     }
 
-    /// Whether the folder has this run. Writes its command lines.
+    /// Prepares the folder for this run, or finds that it is there already.
     ///
     /// # Errors
     /// [`Error::Input`] if the folder has another run or foreign files, unless the run is to start over.
-    fn known(&self, steps: &[Step]) -> Result<bool> {
+    fn prepare(&self, steps: &[Step]) -> Result<()> {
         let path = self.output.join(COMMANDS);
         let lines: Vec<String> = steps.iter().map(|step| line_of(&step.arguments)).collect();
-        let (known, other) = match fs::read(&path) {
-            Ok(text) => {
-                let found: Value = serde_json::from_slice(&text).unwrap_or_default();
-                let found = found["commands"].as_array().cloned().unwrap_or_default();
-                let other = found.iter().zip(&lines).find(|(found, line)| found.as_str() != Some(line));
-                let same = found.len() == lines.len() && other.is_none();
-                (
-                    same,
-                    (!same).then(|| {
-                        format!("has another run (`{}`)", other.map_or("", |(f, _)| f.as_str().unwrap_or_default()))
-                    }),
-                )
+        let read = fs::read(&path).ok().map(|text| serde_json::from_slice(&text).unwrap_or(Value::Null));
+        let known = read.as_ref().is_some_and(|read| read["commands"] == json!(lines));
+        let other = match &read {
+            _ if known || self.restart => None,
+            Some(read) => {
+                let found = read["commands"].as_array().into_iter().flatten().filter_map(Value::as_str);
+                let first = found.zip(&lines).find(|(found, line)| found != line).map_or("", |(found, _)| found);
+                Some(format!("has another run (`{first}`)"))
             }
-            Err(_) => {
+            None => {
                 let files = [BASE, SCENE, VIEWER].map(|name| self.output.join(name));
-                let foreign = files.iter().find(|file| file.exists());
-                (false, foreign.map(|file| format!("has {}, which is not of a run", file.display())))
+                let foreign = files.into_iter().find(|file| file.exists());
+                foreign.map(|file| format!("has {}, which is not of a run", file.display()))
             }
         };
-        match other {
-            Some(what) if !self.restart => {
-                let what =
-                    format!("{what}; repeat it with its options, give another folder, or start over with --restart");
-                return Err(Error::input(&self.output, what));
-            }
-            _ => {}
+        if let Some(other) = other {
+            let what =
+                format!("{other}; repeat it with its options, give another folder, or start over with --restart");
+            return Err(Error::input(&self.output, what));
         }
-        if !known {
+        if !known || self.restart {
             steps.iter().for_each(|step| drop(fs::remove_file(&step.done)));
             write_text(&path, &to_json(&json!({"glint": env!("CARGO_PKG_VERSION"), "commands": lines}))?)?;
         }
-        Ok(known)
+        Ok(())
     }
 
     /// Prints the figures and the files.

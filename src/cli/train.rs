@@ -133,8 +133,8 @@ pub(super) struct Args {
     #[arg(long)]
     exposure: bool,
     /// Train on downscaled photos at first, with sides halved up to N times: for 2, a quarter of their
-    /// sides until 30 % of the run, half until 70 % [default: 2, as far as longer sides keep 128 pixels and
-    /// all photos 16 pixels a Gaussian; 0 with mcmc and adc]
+    /// sides until 30 % of the run, half until 70 % [default: 2, as far as longer sides keep 128 pixels; 0
+    /// with mcmc and adc]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=HALVED_UNTIL.len() as i64))]
     #[serde(skip)]
     halvings: Option<u32>,
@@ -305,9 +305,9 @@ impl Args {
             strategy: self.strategy,
             first: first.gaussians.len() as u32,
             most: first.most as u32,
-            halvings: self.halvings.unwrap_or_else(|| {
-                if self.strategy.is_newton() { halvings_for(&photos, first.most as u32) } else { 0 }
-            }),
+            halvings: self
+                .halvings
+                .unwrap_or_else(|| if self.strategy.is_newton() { halvings_for(&photos) } else { 0 }),
         };
         // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);

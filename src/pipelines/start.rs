@@ -97,17 +97,10 @@ pub fn upload_photos(
 /// no run lost anything.
 const LEAST_SIDE: u32 = 128;
 
-/// Minimum number of pixels of all halved photographs per Gaussian, the same as default_gaussians leaves at full size.
-const LEAST_PIXELS: u64 = 16;
-
-/// Number of halvings for a run on these photographs that starts with small ones and ends with `gaussians`.
-pub fn halvings_for(photos: &[&Photo], gaussians: u32) -> u32 {
+/// Number of halvings for a run on these photographs that starts with small ones.
+pub fn halvings_for(photos: &[&Photo]) -> u32 {
     let side = photos.iter().map(|photo| photo.camera.width.max(photo.camera.height)).min().unwrap_or(0);
-    let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
-    let enough = |&halvings: &u32| {
-        side >> halvings >= LEAST_SIDE && pixels >> (2 * halvings) >= LEAST_PIXELS * u64::from(gaussians)
-    };
-    (0..=HALVED_UNTIL.len() as u32).take_while(enough).last().unwrap_or(0)
+    (0..=HALVED_UNTIL.len() as u32).take_while(|&halvings| side >> halvings >= LEAST_SIDE).last().unwrap_or(0)
 }
 
 /// An error with advice for a photo that is too large for a device that binds `limit` bytes at once. The
@@ -227,19 +220,6 @@ mod tests {
             }),
             ..Dataset::default()
         }
-    }
-
-    #[test]
-    fn photos_are_halved_as_far_as_their_pixels_suffice() {
-        let of = |width, gaussians| {
-            let mut photo = dataset(None).photos.remove(0);
-            (photo.camera.width, photo.camera.height) = (width, 300);
-            halvings_for(&[&photo, &photo], gaussians)
-        };
-        // By the longer side.
-        assert_eq!([511, 512, 600].map(|width| of(width, 100)), [1, 2, 2]);
-        // Two photos of 600 × 300 have 360,000 pixels, 22,500 if halved twice.
-        assert_eq!([1_406, 1_407, 5_625, 5_626, 1_000_000].map(|gaussians| of(600, gaussians)), [2, 1, 1, 0, 0]);
     }
 
     /// The error used to be "buffer targets needs 168820736 bytes".
