@@ -17,11 +17,17 @@ use super::{
     print, print_json,
     progress::{self, note},
     report::{NUMBERS, PAGE},
-    run, to_json, units,
+    run, to_json,
+    train::fit,
+    units,
 };
 use crate::{
     Error, Result,
     data::{self, Dataset, Split, gaussian_bytes, write_text},
+    pipelines::{
+        learn::learning_bytes,
+        start::{default_gaussians, most_gaussians},
+    },
 };
 
 const EXAMPLES: &str = "\
@@ -98,8 +104,8 @@ pub(super) struct Args {
     /// Time for the whole run, such as 90s, 5m or 1.5h, instead of the preset's steps. COLMAP comes on top
     #[arg(long, value_name = "TIME", value_parser = units::duration)]
     time: Option<Duration>,
-    /// Maximum size of the scene's Gaussians in its file, such as 25MB [default: as many Gaussians as glint
-    /// train gives the base, and those that gain more than longer training]
+    /// Maximum size of the scene's Gaussians in its file, such as 25MB [default: that of the Gaussians of
+    /// degree 3 that glint train makes by default, limited by the photos' pixels and the device's memory]
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
     /// Start over even if the folder has another run
@@ -132,7 +138,8 @@ impl Args {
         let mut photos = self.photos.clone();
         photos.prefer(images, self.preset.max_size());
         let dataset = photos.open(&path)?;
-        let steps = self.steps(&path, &dataset, &photos)?;
+        let bytes = self.bytes.map_or_else(|| self.default_bytes(&dataset), Ok)?;
+        let steps = self.steps(&path, &dataset, &photos, bytes)?;
         OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
         self.prepare(&steps)?;
         let before = steps.iter().take_while(|step| step.done.exists()).count();
@@ -165,7 +172,19 @@ impl Args {
         Ok((workspace, Some(images)))
     }
 
-    fn steps(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs) -> Result<Vec<Step>> {
+    /// Size of the scene if none is given. Constant colors take fewer bytes, so the number of Gaussians is limited by itself.
+    fn default_bytes(&self, dataset: &Dataset) -> Outcome<u64> {
+        let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
+        let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
+        let fit = self
+            .device
+            .with_unchecked(|context| Ok(fit(context.memory_at_most(), learning_bytes(0, false, true), pixels)))?;
+        let most = fit.min(most_gaussians(pixels).max(points)) as u64;
+        let all = default_gaussians(points, pixels) as u64 * gaussian_bytes(3, false);
+        Ok(all.min(most * gaussian_bytes(0, false)))
+    }
+
+    fn steps(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs, bytes: u64) -> Result<Vec<Step>> {
         let at = |name: &str| self.output.join(name);
         let [base, scene, trained, enhanced] = [BASE, SCENE, TRAINED, ENHANCED].map(at);
         let named = |name: &str, path: &Path| [OsString::from(name), path.into()].join(OsStr::new("="));
@@ -182,16 +201,14 @@ impl Args {
             }
             None => train.extend(["--iterations".into(), self.preset.steps().to_string().into()]),
         }
-        if let Some(bytes) = self.bytes {
-            let (gaussians, left) = shares(bytes)?;
-            train.extend(["--gaussians".into(), gaussians.to_string().into()]);
-            // The strategy places the other half where errors are large.
-            let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
-            if points > gaussians as usize / 2 {
-                train.extend(["--points".into(), (gaussians / 2).max(1).to_string().into()]);
-            }
-            enhance.extend(["--bytes".into(), left.to_string().into()]);
+        let (gaussians, left) = shares(bytes)?;
+        train.extend(["--gaussians".into(), gaussians.to_string().into()]);
+        // The strategy places the other half where errors are large.
+        let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
+        if points > gaussians as usize / 2 {
+            train.extend(["--points".into(), (gaussians / 2).max(1).to_string().into()]);
         }
+        enhance.extend(["--bytes".into(), left.to_string().into()]);
         let mut report = words(["report"], [path]);
         report.extend([named("base", &base), named("scene", &scene)]);
         report.extend(words(["-o"], [at(REPORT)]));

@@ -7,6 +7,7 @@ use std::{
 };
 
 use course::{At, Clocks, Course, Training};
+pub(super) use first::fit;
 use first::{First, checksum};
 use serde::Serialize;
 use serde_json::json;

@@ -39,8 +39,13 @@ const GROWTH: usize = 4;
 const PIXELS_EACH: [u64; 2] = [16, 256];
 /// Default maximum number of Gaussians, by the points at the start and the pixels of the training photos.
 pub fn default_gaussians(points: usize, pixels: u64) -> usize {
-    let [greatest, least] = PIXELS_EACH.map(|each| (pixels / each) as usize);
-    (GROWTH * points).max(least).min(greatest.max(points)).min(u32::MAX as usize)
+    let least = (pixels / PIXELS_EACH[1]) as usize;
+    (GROWTH * points).max(least).min(most_gaussians(pixels).max(points)).min(u32::MAX as usize)
+}
+
+/// Number of Gaussians above which they would explain the noise of photos with so many pixels.
+pub fn most_gaussians(pixels: u64) -> usize {
+    (pixels / PIXELS_EACH[0]) as usize
 }
 
 /// Uploads the cameras of `photos` with their photographs as targets, and copies with sides halved up to

@@ -5,12 +5,12 @@ use super::*;
 #[test]
 fn photos_become_a_scene_a_report_and_a_page() {
     let work = Work::new();
-    let run = "run data -o out --preset draft --bytes 20kB --background 0.2,0.2,0.2";
+    let run = "run data -o out --preset draft --background 0.2,0.2,0.2";
     let found = work.json(&format!("{run} --json"));
     assert_eq!(keys(&found), set(["output", "seconds", "commands", "train", "enhance", "scenes"]));
-    // 13 kB of constants for the base and the rest for the augmentation.
-    assert_eq!(found["train"]["gaussians"], 191);
-    assert!(found["enhance"]["bytes_added"].as_u64().unwrap() <= 20_000 - 191 * 68, "{found}");
+    // 7 photos have 5,376 pixels, hence at most 336 Gaussians of 68 bytes; 65 % are for the base.
+    assert_eq!(found["train"]["gaussians"], 218);
+    assert!(found["enhance"]["bytes_added"].as_u64().unwrap() <= (336 - 218) * 68, "{found}");
     let names: Vec<&str> = found["scenes"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["base", "scene"]);
     let written =
@@ -22,7 +22,7 @@ fn photos_become_a_scene_a_report_and_a_page() {
 
     assert_eq!(
         found["commands"][0],
-        "glint train data --sh-degree 0 -o out/base.ply --iterations 2000 --gaussians 191 --points 95 --max-size 640 \
+        "glint train data --sh-degree 0 -o out/base.ply --iterations 2000 --gaussians 218 --points 109 --max-size 640 \
          --background 0.2,0.2,0.2"
     );
 
@@ -42,13 +42,16 @@ fn photos_become_a_scene_a_report_and_a_page() {
     assert_eq!(work.listing()[&work.path("out/scene.ply")], before[&work.path("out/scene.ply")]);
 
     // Another run has its own folder, or starts over.
-    let other = "run data -o out --time 50s --holdout none --device nonesuch";
+    let other = "run data -o out --time 50s --bytes 30kB --holdout none --device nonesuch";
     work.refused(other, &["out", "has another run", "glint train data", "--restart"]);
     let output = work.run(&format!("{other} --restart"));
     assert_eq!(output.status.code(), Some(2));
     let commands: Value = serde_json::from_slice(&fs::read(work.path("out/run.json")).unwrap()).unwrap();
     let line = |i: usize| commands["commands"][i].as_str().unwrap();
-    assert!(line(0).contains("--time 27.5s --device nonesuch --holdout none"), "{commands}");
+    assert!(
+        line(0).contains("--time 27.5s --gaussians 286 --points 143 --device nonesuch --holdout none"),
+        "{commands}"
+    );
     assert!(line(2).ends_with("--split train --device nonesuch --holdout none"), "{commands}");
     assert!(!work.path("out/train.json").exists(), "the old run is gone");
 }
@@ -75,7 +78,7 @@ fn colmap_finds_poses_of_photos_without() {
         command.env("PATH", work.path("bin"));
         command
     };
-    let line = "run photos -o out --device nonesuch";
+    let line = "run photos -o out --bytes 30kB --device nonesuch";
     let refused = run::run(&mut with(line));
     let said = String::from_utf8(refused.stderr).unwrap();
     assert!(refused.status.code() == Some(2) && said.contains("COLMAP, which finds them, cannot be run"), "{said}");
@@ -91,7 +94,7 @@ fn colmap_finds_poses_of_photos_without() {
     assert!(said.contains("5 photos without poses") && said.contains("run again without"), "{said}");
     let photos = work.path("photos").canonicalize().unwrap();
     let first = format!(
-        "1/4: glint train out/colmap --sh-degree 0 -o out/base.ply --iterations 7000 --device nonesuch --images {}",
+        "1/4: glint train out/colmap --sh-degree 0 -o out/base.ply --iterations 7000 --gaussians 286 --points 143 --device nonesuch --images {}",
         photos.display()
     );
     assert!(said.contains(&first) && said.contains("error: --device"), "{said}");

@@ -55,7 +55,7 @@ impl First {
 }
 
 /// Number of Gaussians that fit in `memory`, each with `bytes` to learn, next to photos of `pixels`.
-fn fit(memory: u64, bytes: u64, pixels: u64) -> usize {
+pub(in crate::cli) fn fit(memory: u64, bytes: u64, pixels: u64) -> usize {
     let room = MEMORY_PART * memory as f64 - PIXEL_BYTES * pixels as f64;
     (room.max(0.0) / (bytes + WORKING_BYTES) as f64) as usize
 }
