@@ -52,15 +52,10 @@ fn glint(arguments: &[&str]) -> std::process::Output {
 }
 
 #[test]
-fn the_command_says_the_same() {
+fn the_command_explains_its_bounds() {
     let explained = glint(&["--explain"]);
     let text = String::from_utf8(explained.stdout).unwrap();
     assert!(explained.status.success() && BOUNDS.iter().all(|bound| text.contains(bound.reason)));
-
-    let judged = glint(&["--quick", "--json"]);
-    assert_eq!(judged.status.code(), Some(0), "{}", String::from_utf8_lossy(&judged.stderr));
-    let json: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
-    assert!(json["rows"].as_array().unwrap().iter().all(|row| row["breaches"] == serde_json::json!([])), "{json}");
 }
 
 /// The first steps on a dataset have a row for each stage of training, and a fault violates a bound in every
