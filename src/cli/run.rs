@@ -45,7 +45,8 @@ For photos without poses, COLMAP finds them first if it is installed (DIR/colmap
 Examples:
   glint run garden -o garden.run
   glint run my_photos -o my_scene --preset draft
-  glint run garden -o garden.run --bytes 25MB --time 10m";
+  glint run garden -o garden.run --bytes 25MB --time 10m
+  glint run chair -o chair.run --sh-degree 3";
 
 /// The list of command lines, which identifies a run.
 const COMMANDS: &str = "run.json";
@@ -60,8 +61,9 @@ const COLMAP: &str = "colmap";
 
 /// Share of --time for the base and for the augmentation. The rest is for report and page.
 const TIME: [f64; 2] = [0.55, 0.35];
-/// Share of --bytes for the base.
-const BASE_BYTES: f64 = 0.65;
+/// Share of --bytes for a base of constant colors, and for one with harmonics, which needs no bands
+/// (docs/experiments/2026-11-28-run.md).
+const BASE_BYTES: [f64; 2] = [0.65, 0.9];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Preset {
@@ -108,6 +110,10 @@ pub(super) struct Args {
     /// degree 3 that glint train makes by default, limited by the photos' pixels and the device's memory]
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
+    /// Degree of the harmonics of all Gaussians, 0 to 3. With 0, only those get bands that gain by them. 3 is
+    /// better for scenes that shine everywhere, such as many synthetic objects
+    #[arg(long, value_name = "L", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: u32,
     /// Start over even if the folder has another run
     #[arg(long)]
     restart: bool,
@@ -176,12 +182,12 @@ impl Args {
     fn default_bytes(&self, dataset: &Dataset) -> Outcome<u64> {
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
-        let fit = self
-            .device
-            .with_unchecked(|context| Ok(fit(context.memory_at_most(), learning_bytes(0, false, true), pixels)))?;
+        let fit = self.device.with_unchecked(|context| {
+            Ok(fit(context.memory_at_most(), learning_bytes(self.sh_degree, false, true), pixels))
+        })?;
         let most = fit.min(most_gaussians(pixels).max(points)) as u64;
         let all = default_gaussians(points, pixels) as u64 * gaussian_bytes(3, false);
-        Ok(all.min(most * gaussian_bytes(0, false)))
+        Ok(all.min(most * gaussian_bytes(self.sh_degree, false)))
     }
 
     fn steps(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs, bytes: u64) -> Result<Vec<Step>> {
@@ -189,7 +195,7 @@ impl Args {
         let [base, scene, trained, enhanced] = [BASE, SCENE, TRAINED, ENHANCED].map(at);
         let named = |name: &str, path: &Path| [OsString::from(name), path.into()].join(OsStr::new("="));
         let mut train = words(["train"], [path]);
-        train.extend(words(["--sh-degree", "0", "-o"], [&base]));
+        train.extend(words(["--sh-degree", &self.sh_degree.to_string(), "-o"], [&base]));
         let mut enhance = words(["enhance"], [path]);
         enhance.extend(words(["--base"], [&base]).into_iter().chain(words(["-o"], [&scene])));
         match self.time {
@@ -201,7 +207,7 @@ impl Args {
             }
             None => train.extend(["--iterations".into(), self.preset.steps().to_string().into()]),
         }
-        let (gaussians, left) = shares(bytes)?;
+        let (gaussians, left) = shares(bytes, self.sh_degree)?;
         train.extend(["--gaussians".into(), gaussians.to_string().into()]);
         // The strategy places the other half where errors are large.
         let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
@@ -324,10 +330,10 @@ impl Step {
     }
 }
 
-/// Number of Gaussians of a base with constant colors, and the bytes left for the augmentation.
-fn shares(bytes: u64) -> Result<(u32, u64)> {
-    let one = gaussian_bytes(0, false);
-    let gaussians = (BASE_BYTES * bytes as f64) as u64 / one;
+/// Number of Gaussians of the base, and the bytes left for the augmentation.
+fn shares(bytes: u64, sh_degree: u32) -> Result<(u32, u64)> {
+    let (one, share) = (gaussian_bytes(sh_degree, false), BASE_BYTES[usize::from(sh_degree > 0)]);
+    let gaussians = (share * bytes as f64) as u64 / one;
     if gaussians == 0 {
         return Err(Error::Usage(format!("--bytes {bytes}: expected more, because a Gaussian takes {one}")));
     }
@@ -393,7 +399,8 @@ mod tests {
 
     #[test]
     fn bytes_are_shared_between_base_and_augmentation() {
-        assert_eq!(shares(1_000_000).unwrap(), (9_558, 1_000_000 - 9_558 * 68));
-        assert!(shares(100).unwrap_err().to_string().contains("a Gaussian takes 68"));
+        assert_eq!(shares(1_000_000, 0).unwrap(), (9_558, 1_000_000 - 9_558 * 68));
+        assert_eq!(shares(1_000_000, 3).unwrap(), (3_629, 1_000_000 - 3_629 * 248));
+        assert!(shares(100, 0).unwrap_err().to_string().contains("a Gaussian takes 68"));
     }
 }
