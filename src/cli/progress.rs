@@ -4,10 +4,11 @@
 use std::{
     borrow::Cow,
     cell::Cell,
+    collections::BTreeSet,
     fmt::Display,
     io::{self, Write},
     sync::{
-        Arc, LazyLock,
+        Arc, LazyLock, Mutex,
         atomic::{AtomicBool, AtomicU64, Ordering},
         mpsc::{self, RecvTimeoutError},
     },
@@ -22,6 +23,8 @@ use crate::gpu::Context;
 
 /// All bars, so that text lines can be written above them. Hidden if stderr is not a terminal.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+/// Notes that were printed.
+static TOLD: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 /// Whether only errors are printed.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
@@ -233,13 +236,15 @@ pub(super) fn tell_run(text: impl Display) {
     line(text.to_string().replace(char::is_control, " "));
 }
 
-/// Prints a note on something that the user would not expect, such as skipped data and the reason.
+/// Prints a note on something that the user would not expect, such as skipped data and the reason. Each text comes once, also if
+/// `glint run` reads a dataset several times.
 pub(super) fn note<'a>(text: impl Into<Cow<'a, str>>) {
     // A file name may contain line breaks.
     let text = text.into().replace(char::is_control, " ");
     match caller::is_embedded() {
         true => caller::note(text),
-        false => line(format!("note: {text}")),
+        false if TOLD.lock().is_ok_and(|mut told| told.insert(text.clone())) => line(format!("note: {text}")),
+        false => {}
     }
 }
 

@@ -5,6 +5,7 @@ use super::*;
 #[test]
 fn photos_become_a_scene_a_report_and_a_page() {
     let work = Work::new();
+    fs::write(work.path("data/transforms.json"), "{}").unwrap();
     let run = "run data -o out --preset draft --background 0.2,0.2,0.2";
     let found = work.json(&format!("{run} --json"));
     assert_eq!(keys(&found), set(["output", "seconds", "commands", "train", "enhance", "scenes"]));
@@ -38,6 +39,8 @@ fn photos_become_a_scene_a_report_and_a_page() {
     let said = String::from_utf8(work.run(run).stderr).unwrap();
     assert!(said.contains("2/4 done before") && said.contains("3/4: glint report"), "{said}");
     assert!(said.contains("4/4: glint export"), "{said}");
+    // Three commands read the dataset.
+    assert_eq!(said.matches("note: the COLMAP model is read; transforms.json beside it is not").count(), 1, "{said}");
     assert_eq!(work.listing().keys().collect::<Vec<_>>(), before.keys().collect::<Vec<_>>());
     assert_eq!(work.listing()[&work.path("out/scene.ply")], before[&work.path("out/scene.ply")]);
 
