@@ -170,7 +170,7 @@ impl Args {
         let images = if nested.is_dir() { nested } else { self.dataset.clone() };
         let images = images.canonicalize().map_err(|e| Error::io(&images, e))?;
         let workspace = self.output.join(COLMAP);
-        if !workspace.join("sparse/0").is_dir() {
+        if !has_poses(&workspace) {
             let what = format!("{} without poses: COLMAP looks for them", counted(count, "photo"));
             progress::tell_run(format_args!("{what}; its log is {}", workspace.join("log.txt").display()));
             colmap(&images, &workspace)?;
@@ -340,6 +340,11 @@ fn shares(bytes: u64, sh_degree: u32) -> Result<(u32, u64)> {
     Ok((gaussians.min(u32::MAX.into()) as u32, bytes - gaussians * one))
 }
 
+/// Whether COLMAP has finished: it writes the points last.
+fn has_poses(workspace: &Path) -> bool {
+    ["bin", "txt"].iter().any(|ending| workspace.join(format!("sparse/0/points3D.{ending}")).exists())
+}
+
 /// Finds the poses of photos. COLMAP's SIFT runs on the CPU if it cannot run on a GPU.
 fn colmap(images: &Path, workspace: &Path) -> Result<()> {
     fs::create_dir_all(workspace).map_err(|e| Error::io(workspace, e))?;
@@ -357,7 +362,7 @@ fn colmap(images: &Path, workspace: &Path) -> Result<()> {
             );
             Error::input(images, what)
         })?;
-        if status.success() && workspace.join("sparse/0").is_dir() {
+        if status.success() && has_poses(workspace) {
             return Ok(());
         }
         if gpu == "1" {
