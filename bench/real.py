@@ -47,10 +47,13 @@ def main():
     parser.add_argument("--glint", default="target/release/glint")
     args = parser.parse_args()
 
+    settings = {"budget": args.bytes, "max_size": args.max_size, "base_steps": args.steps, "holdout": args.holdout or "default"}
     done = {}
     if args.output.exists():
         for line in args.output.read_text().splitlines():
             run = json.loads(line)
+            if any(run[key] != value for key, value in settings.items()):
+                sys.exit(f"real.py: {args.output} has runs with other settings than {settings}; give another file")
             done[run["dataset"], run["name"], run["seed"]] = run
     for seed in range(args.seeds):
         for dataset in args.datasets:
@@ -59,7 +62,7 @@ def main():
                 if (dataset.name, name, seed) in done:
                     continue
                 run = measure(args, dataset, row, seed)
-                run = {"name": name, "dataset": dataset.name, "seed": seed, "holdout": args.holdout or "default", **run}
+                run = {"name": name, "dataset": dataset.name, "seed": seed, **settings, **run}
                 done[dataset.name, name, seed] = run
                 with args.output.open("a") as file:
                     file.write(json.dumps(run) + "\n")
@@ -70,8 +73,9 @@ def main():
 def measure(args, dataset, row, seed):
     """Trains and evaluates one row. Returns its record without a name."""
     photos = [str(dataset), "--max-size", str(args.max_size)]
-    photos += ["--holdout", args.holdout] if args.holdout else []
-    info = glint(args, "info", str(dataset), *(["--holdout", args.holdout] if args.holdout else []), "--json")
+    selection = ["--holdout", args.holdout] if args.holdout else []
+    photos += selection
+    info = glint(args, "info", str(dataset), *selection, "--json")
     joint = JOINT_STEPS * info["train"]
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
@@ -115,7 +119,8 @@ def glint(args, *arguments):
 def table(runs):
     """Prints the mean over seeds of each row and dataset."""
     names = sorted({run["name"] for run in runs})
-    print("| dataset | " + " | ".join(names) + " |\n|---" * (len(names) + 1) + "|")
+    print("| dataset | " + " | ".join(names) + " |")
+    print("|---" * (len(names) + 1) + "|")
     for dataset in sorted({run["dataset"] for run in runs}):
         cells = []
         for name in names:

@@ -233,10 +233,14 @@ impl PhotoArgs {
         let PhotoArgs { dataset: DatasetArgs { images, model, holdout, alpha, part }, max_size, reduce, background } =
             self;
         let value = |value: Option<clap::builder::PossibleValue>| value.map(|value| value.get_name().into());
+        let selection = |holdout: Holdout| match holdout {
+            Holdout::Every(n) => n.to_string().into(),
+            other => other.to_string().into(),
+        };
         let given: [(&str, Option<OsString>); 8] = [
             ("--images", images.as_ref().map(|path| path.into())),
             ("--model", model.as_ref().map(|path| path.into())),
-            ("--holdout", holdout.map(|holdout| holdout.option().into())),
+            ("--holdout", holdout.map(selection)),
             ("--alpha", value(alpha.to_possible_value()).filter(|_| *alpha != Alpha::default())),
             ("--part", part.map(|part| part.to_string().into())),
             ("--max-size", max_size.map(|size| size.to_string().into())),

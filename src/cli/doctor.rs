@@ -48,7 +48,7 @@ struct Report {
 struct Line {
     state: State,
     name: &'static str,
-    /// What was found, and the next step if anything is missing.
+    /// The finding, and the next step if anything is missing.
     text: String,
 }
 

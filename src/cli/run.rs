@@ -59,10 +59,10 @@ const VIEWER: &str = "scene.html";
 /// Folder of COLMAP's poses.
 const COLMAP: &str = "colmap";
 
-/// Share of --time for the base and for the augmentation. The rest is for report and page.
+/// Share of --time for the base and for the augmentation; not tuned. The rest is for report and page.
 const TIME: [f64; 2] = [0.55, 0.35];
-/// Share of --bytes for a base of constant colors, and for one with harmonics, which needs no bands
-/// (docs/experiments/2026-11-28-run.md).
+/// Share of --bytes for the base: of constant colors (docs/experiments/2026-11-28-run.md), and with harmonics. The latter leaves no
+/// bytes for bands, only the tenth that docs/benchmarks.md measures for lobes.
 const BASE_BYTES: [f64; 2] = [0.65, 0.9];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -133,8 +133,6 @@ struct Step {
     done: PathBuf,
     /// Whether its standard output becomes that file.
     prints: bool,
-    /// Options that do not change the result, and are not part of the run's identity.
-    unnamed: &'static [&'static str],
 }
 
 impl Args {
@@ -229,12 +227,12 @@ impl Args {
         [&mut train, &mut enhance, &mut report, &mut export]
             .into_iter()
             .for_each(|to| to.extend(shown.iter().cloned()));
-        let step = |arguments, done, prints, unnamed| Step { arguments, done, prints, unnamed };
+        let step = |arguments, done, prints| Step { arguments, done, prints };
         Ok(vec![
-            step(train, trained, true, &["--json", "--force"]),
-            step(enhance, enhanced, true, &["--json", "--force"]),
-            step(report, at(REPORT).join(PAGE), false, &["--force"]),
-            step(export, at(VIEWER), false, &["--force"]),
+            step(train, trained, true),
+            step(enhance, enhanced, true),
+            step(report, at(REPORT).join(PAGE), false),
+            step(export, at(VIEWER), false),
         ])
     }
 
@@ -314,12 +312,11 @@ impl Args {
 }
 
 impl Step {
-    /// Runs the command.
+    /// Runs the command. The options added here do not change its result, so they are not part of the run's identity.
     fn run(&self, restart: bool) -> Outcome {
-        let again = if restart && self.prints { &["--restart"][..] } else { &[] };
-        let arguments = self.arguments.iter().map(OsString::as_os_str);
-        let all = ["glint".as_ref()].into_iter().chain(arguments);
-        let all = all.chain(self.unnamed.iter().chain(again).map(AsRef::as_ref));
+        let added = [(true, "--force"), (self.prints, "--json"), (self.prints && restart, "--restart")];
+        let added = added.into_iter().filter(|(needed, _)| *needed).map(|(_, option)| OsStr::new(option));
+        let all = [OsStr::new("glint")].into_iter().chain(self.arguments.iter().map(OsString::as_os_str)).chain(added);
         let cli = Cli::try_parse_from(all).map_err(|error| Error::Usage(error.to_string()))?;
         let (text, outcome) = captured(|| run(&cli.command));
         outcome?;
@@ -335,7 +332,8 @@ fn shares(bytes: u64, sh_degree: u32) -> Result<(u32, u64)> {
     let (one, share) = (gaussian_bytes(sh_degree, false), BASE_BYTES[usize::from(sh_degree > 0)]);
     let gaussians = (share * bytes as f64) as u64 / one;
     if gaussians == 0 {
-        return Err(Error::Usage(format!("--bytes {bytes}: expected more, because a Gaussian takes {one}")));
+        let what = format!("a scene of {bytes} bytes has no room for a base, because a Gaussian takes {one} (--bytes)");
+        return Err(Error::Usage(what));
     }
     Ok((gaussians.min(u32::MAX.into()) as u32, bytes - gaussians * one))
 }

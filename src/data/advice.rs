@@ -27,28 +27,64 @@ pub(super) fn of_file(kind: Kind) -> String {
     }
 }
 
+/// Contents of a folder that is not a dataset.
+enum Found {
+    Scene,
+    /// Datasets in it.
+    Deeper(Vec<PathBuf>),
+    /// The dataset that it is a part of.
+    Above(PathBuf),
+    /// Photos, and their number.
+    Photos(usize),
+    Nothing,
+}
+
+impl Found {
+    fn of(path: &Path) -> Found {
+        if is_scene_folder(path) {
+            return Found::Scene;
+        }
+        let mut folders: Vec<PathBuf> =
+            entries(path).into_iter().filter(|entry| entry.is_dir() && is_dataset(entry)).collect();
+        folders.sort();
+        if !folders.is_empty() {
+            return Found::Deeper(folders);
+        }
+        let above = path.canonicalize().ok().and_then(|path| Some(path.parent()?.to_owned()));
+        if let Some(above) = above.filter(|above| is_dataset(above)) {
+            return Found::Above(above);
+        }
+        match names::count_photos(path) {
+            0 => Found::Nothing,
+            count => Found::Photos(count),
+        }
+    }
+}
+
+/// Number of photos in a folder for which there are no camera poses, neither in it nor next to it.
+pub fn photos_without_poses(path: &Path) -> usize {
+    match Found::of(path) {
+        Found::Photos(count) if !is_dataset(path) => count,
+        _ => 0,
+    }
+}
+
 /// The message for a folder without a dataset.
 pub(super) fn of_folder(path: &Path) -> String {
-    if is_scene_folder(path) {
-        return format!("holds an SOG scene, not a dataset ({ORDER})");
-    }
-    let mut folders: Vec<PathBuf> =
-        entries(path).into_iter().filter(|entry| entry.is_dir() && is_dataset(entry)).collect();
-    folders.sort();
-    if !folders.is_empty() {
-        let named: Vec<String> = folders.iter().take(NAMED).map(|folder| folder.display().to_string()).collect();
-        let more = folders.len().checked_sub(NAMED).filter(|&n| n > 0).map(|n| format!(" and {n} more"));
-        let (named, more) = (named.join(", "), more.unwrap_or_default());
-        return format!("no dataset here, but one folder deeper: give {named}{more}");
-    }
-    let above = path.canonicalize().ok().and_then(|path| Some(path.parent()?.to_owned()));
-    if let Some(above) = above.filter(|above| is_dataset(above)) {
-        return format!("no dataset here, but in the folder above: give {}", above.display());
-    }
-    let photos = names::count_photos(path);
-    if photos > 0 {
-        let found = counted(photos, "photo");
-        return format!("found {found} but no camera poses; run COLMAP to find them, {PAGE}");
+    match Found::of(path) {
+        Found::Scene => return format!("holds an SOG scene, not a dataset ({ORDER})"),
+        Found::Deeper(folders) => {
+            let named: Vec<String> = folders.iter().take(NAMED).map(|folder| folder.display().to_string()).collect();
+            let more = folders.len().checked_sub(NAMED).filter(|&n| n > 0).map(|n| format!(" and {n} more"));
+            let (named, more) = (named.join(", "), more.unwrap_or_default());
+            return format!("no dataset here, but one folder deeper: give {named}{more}");
+        }
+        Found::Above(above) => return format!("no dataset here, but in the folder above: give {}", above.display()),
+        Found::Photos(count) => {
+            let found = counted(count, "photo");
+            return format!("found {found} but no camera poses; run COLMAP to find them, {PAGE}");
+        }
+        Found::Nothing => {}
     }
     if path.join("database.db").is_file() {
         return format!("found a COLMAP database but no model with camera poses; run COLMAP's mapper, {PAGE}");
@@ -61,12 +97,6 @@ pub(super) fn of_folder(path: &Path) -> String {
         "no dataset here; expected a folder with a COLMAP model (sparse/0/cameras.bin or .txt, and images/), with \
          transforms_train.json or transforms.json, or a path to such a JSON file ({PAGE})"
     )
-}
-
-/// Number of photos in a folder for which there are no camera poses.
-pub fn photos_without_poses(path: &Path) -> usize {
-    let near = entries(path).into_iter().chain([path.to_owned()]).any(|folder| is_dataset(&folder));
-    if near || is_scene_folder(path) { 0 } else { names::count_photos(path) }
 }
 
 fn is_dataset(folder: &Path) -> bool {
@@ -103,7 +133,9 @@ mod tests {
         put("deep/garden/sparse/0/cameras.bin");
         put("deep/garden/images/a.jpg");
         let garden = folder.path().join("deep/garden");
-        assert_eq!([photos_without_poses(&garden), photos_without_poses(&folder.path().join("deep"))], [0; 2]);
+        // A dataset, the folder above it, and its photos.
+        let images = garden.join("images");
+        assert_eq!([&garden, &folder.path().join("deep"), &images].map(|path| photos_without_poses(path)), [0; 3]);
         assert_eq!(of("deep"), format!("no dataset here, but one folder deeper: give {}", garden.display()));
         for name in ["b", "c", "d"] {
             put(&format!("deep/{name}/transforms.json"));

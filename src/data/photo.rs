@@ -72,16 +72,6 @@ impl FromStr for Holdout {
     }
 }
 
-impl Holdout {
-    /// The text that [`Holdout::from_str`] parses.
-    pub fn option(self) -> String {
-        match self {
-            Holdout::Every(n) => n.to_string(),
-            other => other.to_string(),
-        }
-    }
-}
-
 impl fmt::Display for Holdout {
     /// Writes the name used in histories and reports: equal names hold out the same photos.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

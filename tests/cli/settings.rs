@@ -4,7 +4,7 @@ use super::*;
 
 const SAID: &str = "--background 0.2,0.9,0.6 --compensate --max-size 24";
 
-/// The score, and what is said next to it.
+/// The PSNR of a scene, and the notes.
 fn score(work: &Work, arguments: &str) -> (f64, String) {
     let output = work.run(&format!("eval {arguments} --json"));
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -34,7 +34,7 @@ fn photos_become_a_scene_a_report_and_a_page() {
     assert!(again.status.success() && said.matches(" done before: glint ").count() == 4, "{said}");
     assert!(String::from_utf8_lossy(&again.stdout).contains("out/report/index.html"));
     assert_eq!(work.listing(), before);
-    // What follows an unfinished command is done again.
+    // Commands after an unfinished one run again.
     fs::remove_file(work.path("out/report/index.html")).unwrap();
     let said = String::from_utf8(work.run(run).stderr).unwrap();
     assert!(said.contains("2/4 done before") && said.contains("3/4: glint report"), "{said}");
@@ -65,7 +65,7 @@ fn foreign_files_are_not_replaced() {
     fs::create_dir(work.path("out")).unwrap();
     fs::write(work.path("out/base.ply"), "mine").unwrap();
     work.refused("run data -o out", &["out", "base.ply, which is not of a run", "--restart"]);
-    work.refused("run data -o out --bytes 60", &["--bytes 60", "a Gaussian takes 68"]);
+    work.refused("run data -o out --bytes 60", &["a scene of 60 bytes", "a Gaussian takes 68"]);
     work.refused("run data -o data/images", &["data/images", "expected another output folder"]);
 }
 

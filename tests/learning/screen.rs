@@ -304,7 +304,7 @@ fn batches_come_one_after_the_other() {
     let photographs: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
-    let schedule = Schedule { round_steps: 2, final_steps: 2, max_rounds: 2, shared_steps: false };
+    let schedule = Schedule { round_steps: 4, final_steps: 4, max_rounds: 2, shared_steps: false };
     let refined = |range: std::ops::Range<usize>, go_on: bool| {
         let views = Views::upload(&gpu, &cameras[range.clone()], &photographs[range.clone()]).unwrap();
         let mut renderer = Renderer::new(&gpu, Needs::of(&model), &views, options).unwrap();
