@@ -2,14 +2,14 @@
 """Compares color models at equal bytes and steps, on held-out photos.
 
     bench/real.py DATASET... -o RUNS.jsonl [--bytes 25MB] [--max-size N] [--steps N] [--seeds N] [--holdout N|sector]
-                  [--rows 3,0,classes] [--share 0.65] [--glint PATH]
+                  [--rows 3,run0,run3] [--glint PATH]
 
 Rows of a dataset and seed:
 
 - 0, 1, 2, 3: `glint train` with harmonics of this degree and as many Gaussians as fit the bytes;
-- classes: `glint train --sh-degree 0` with a share of the bytes, then `glint enhance --bytes` with the rest, as `glint run` does it.
+- run0, run1, run2, run3: `glint train` with a share of the bytes, then `glint enhance --bytes` with the rest, as `glint run --sh-degree` does.
 
-The degrees take as many steps more as the joint phase of the classes has: 30 for each training photo. Each finished row is a JSON line in
+The former take as many steps more as the joint phase of the latter has: 30 for each training photo. Each finished row is a JSON line in
 RUNS.jsonl, which `glint report --history` draws; the same command continues after the last of them. A table of means comes last.
 """
 
@@ -23,6 +23,8 @@ import time
 
 GAUSSIAN_BYTES = {0: 68, 1: 104, 2: 164, 3: 248}
 JOINT_STEPS = 30
+# Of the bytes, for the base; as in src/cli/run.rs.
+SHARES = {0: 0.65, 1: 0.9, 2: 0.9, 3: 0.9}
 UNITS = {"GB": 1e9, "MB": 1e6, "kB": 1e3}
 
 
@@ -42,8 +44,7 @@ def main():
     parser.add_argument("--steps", type=int, default=3000, help="steps before the joint phase")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--holdout")
-    parser.add_argument("--rows", default="3,0,classes")
-    parser.add_argument("--share", type=float, default=0.65, help="of the bytes, for the base of the classes")
+    parser.add_argument("--rows", default="3,run0,run3")
     parser.add_argument("--glint", default="target/release/glint")
     args = parser.parse_args()
 
@@ -58,7 +59,7 @@ def main():
     for seed in range(args.seeds):
         for dataset in args.datasets:
             for row in args.rows.split(","):
-                name = f"classes {args.share}" if row == "classes" else f"degree {row}"
+                name = row.replace("run", "run ") if row.startswith("run") else f"degree {row}"
                 if (dataset.name, name, seed) in done:
                     continue
                 run = measure(args, dataset, row, seed)
@@ -80,17 +81,17 @@ def measure(args, dataset, row, seed):
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         base, scene = f"{folder}/base.ply", f"{folder}/scene.ply"
-        if row == "classes":
-            gaussians = int(args.share * args.bytes) // GAUSSIAN_BYTES[0]
-            train(args, photos, info, base, 0, gaussians, args.steps, seed)
-            left = args.bytes - gaussians * GAUSSIAN_BYTES[0]
+        degree = int(row[-1])
+        if row.startswith("run"):
+            gaussians = int(SHARES[degree] * args.bytes) // GAUSSIAN_BYTES[degree]
+            train(args, photos, info, base, degree, gaussians, args.steps, seed)
+            left = args.bytes - gaussians * GAUSSIAN_BYTES[degree]
             added = glint(
                 args, "enhance", *photos, "--base", base, "-o", scene, "--bytes", str(left), "--seed", str(seed), "--json"
             )
             more = {key: added[key] for key in ("plain_gaussians", "supplementary_gaussians", "banded_gaussians")}
             more["phases"] = added["seconds"]
         else:
-            degree = int(row)
             train(args, photos, info, scene, degree, args.bytes // GAUSSIAN_BYTES[degree], args.steps + joint, seed)
             more = {}
         seconds = time.monotonic() - began

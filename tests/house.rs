@@ -3,6 +3,7 @@
 use std::{collections::BTreeSet, fs, path::Path};
 
 use glint::stages::NAMES;
+use serde_json::Value;
 
 fn files(folder: &Path, extension: &str, into: &mut Vec<std::path::PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
@@ -195,6 +196,52 @@ fn rust_in_the_documents_is_taken_from_programs() {
             assert!(lines.contains(code), "{path}: no program has `{code}`");
         }
     }
+}
+
+/// A table after `<!-- figures: FILE ROW COLUMN FIELD... -->` has the means of these fields over the records of FILE, a list of JSON lines,
+/// whose ROW and COLUMN are those of the cell.
+#[test]
+fn tables_have_the_figures_of_their_files() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut checked = 0;
+    for page in ["README.md", "docs/benchmarks.md"] {
+        let text = fs::read_to_string(root.join(page)).unwrap();
+        for rest in text.split("<!-- figures: ").skip(1) {
+            let (marker, rest) = rest.split_once(" -->").unwrap();
+            let [file, row, column, fields @ ..] = &marker.split(' ').collect::<Vec<_>>()[..] else {
+                panic!("{marker}")
+            };
+            let lines = fs::read_to_string(root.join(file)).unwrap();
+            let records: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+            let cells = |line: &str| line.trim_matches('|').split('|').map(|c| c.trim().to_owned()).collect::<Vec<_>>();
+            let mut table = rest.trim_start().lines().take_while(|line| line.starts_with('|')).map(cells);
+            let head = table.next().unwrap();
+            for line in table.skip(1) {
+                for (name, cell) in head.iter().zip(&line).skip(1) {
+                    let of = |record: &&Value| record[*row] == line[0] && record[*column] == **name;
+                    let found: Vec<&Value> = records.iter().filter(of).collect();
+                    let mean = |field: &&str| {
+                        found.iter().map(|record| record[*field].as_f64().unwrap()).sum::<f64>() / found.len() as f64
+                    };
+                    let parts: Vec<&str> = cell.split(" / ").filter(|part| !part.is_empty()).collect();
+                    let expected = if found.is_empty() { 0 } else { fields.len() };
+                    assert_eq!(parts.len(), expected, "{page}: {name} of {}: `{cell}`", line[0]);
+                    for (part, field) in parts.iter().zip(fields) {
+                        let decimals = part.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+                        let value = format!("{:.decimals$}", mean(field));
+                        assert_eq!(
+                            value.trim_start_matches('0'),
+                            part.trim_start_matches('0'),
+                            "{page}: {name} of {}",
+                            line[0]
+                        );
+                        checked += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(checked > 0, "no table names its file");
 }
 
 /// Links between documents lead to files and headings that exist.

@@ -36,12 +36,15 @@ pub(super) struct DatasetArgs {
     /// else 8]
     #[arg(long, alias = "test-every", value_name = "N|sector|none", help_heading = "Dataset")]
     holdout: Option<Holdout>,
+    /// Choose settings without the test photos: leave these out and test on every 8th of the others
+    #[arg(long, help_heading = "Dataset")]
+    tune: bool,
     /// Meaning of transparent pixels in photos
     #[arg(long, value_enum, default_value_t, help_heading = "Dataset")]
     alpha: Alpha,
     /// The dataset is a plan of glint partition: read this part of it, from 0. The plan decides all other
     /// options of the dataset
-    #[arg(long, value_name = "N", help_heading = "Dataset", conflicts_with_all = ["images", "model", "holdout", "alpha"])]
+    #[arg(long, value_name = "N", help_heading = "Dataset", conflicts_with_all = ["images", "model", "holdout", "tune", "alpha"])]
     part: Option<u32>,
 }
 
@@ -52,6 +55,7 @@ impl DatasetArgs {
             images: self.images.clone(),
             model: self.model.clone(),
             holdout: self.holdout.unwrap_or_default(),
+            tune: self.tune,
             alpha: self.alpha,
             ..options
         }
@@ -230,8 +234,12 @@ impl PhotoArgs {
 
     /// These options as on the command line.
     pub(super) fn arguments(&self) -> Vec<OsString> {
-        let PhotoArgs { dataset: DatasetArgs { images, model, holdout, alpha, part }, max_size, reduce, background } =
-            self;
+        let PhotoArgs {
+            dataset: DatasetArgs { images, model, holdout, tune, alpha, part },
+            max_size,
+            reduce,
+            background,
+        } = self;
         let value = |value: Option<clap::builder::PossibleValue>| value.map(|value| value.get_name().into());
         let selection = |holdout: Holdout| match holdout {
             Holdout::Every(n) => n.to_string().into(),
@@ -247,7 +255,8 @@ impl PhotoArgs {
             ("--reduce", value(reduce.and_then(|reduce| reduce.to_possible_value()))),
             ("--background", background.map(|[r, g, b]| format!("{r},{g},{b}").into())),
         ];
-        given.into_iter().filter_map(|(name, value)| Some([name.into(), value?])).flatten().collect()
+        let flag = tune.then(|| "--tune".into());
+        given.into_iter().filter_map(|(name, value)| Some([name.into(), value?])).flatten().chain(flag).collect()
     }
 
     /// Color behind the scene.
@@ -267,7 +276,8 @@ impl PhotoArgs {
 
     /// Name of the selection of test photos.
     pub(super) fn holdout(&self) -> String {
-        self.dataset.holdout.unwrap_or_default().to_string()
+        let name = self.dataset.holdout.unwrap_or_default().to_string();
+        if self.dataset.tune { name + ", tune" } else { name }
     }
 
     /// Reads the dataset, or the part of a plan, and prints its notes.

@@ -32,8 +32,9 @@ use crate::{
 
 const EXAMPLES: &str = "\
 Runs glint train, enhance, report and export, prints each command line, and writes into DIR:
+  trials/            short runs that choose --sh-degree; the test photos take no part in them
   base.ply           the base, for comparison
-  scene.ply          the scene: Gaussians with constant colors, bands and lobes where they pay
+  scene.ply          the scene, with lobes where they pay, and bands where they pay if its base has constant colors
   report/index.html  both compared with the test photos
   scene.html         a page that shows the scene in any browser
   run.json           the command lines; train.json and enhance.json have their figures
@@ -46,7 +47,7 @@ Examples:
   glint run garden -o garden.run
   glint run my_photos -o my_scene --preset draft
   glint run garden -o garden.run --bytes 25MB --time 10m
-  glint run chair -o chair.run --sh-degree 3";
+  glint run garden -o garden.run --sh-degree 0";
 
 /// The list of command lines, which identifies a run.
 const COMMANDS: &str = "run.json";
@@ -58,9 +59,21 @@ const REPORT: &str = "report";
 const VIEWER: &str = "scene.html";
 /// Folder of COLMAP's poses.
 const COLMAP: &str = "colmap";
+/// Folder of the short runs that choose the degree.
+const TRIALS: &str = "trials";
 
-/// Share of --time for the base and for the augmentation; not tuned. The rest is for report and page.
-const TIME: [f64; 2] = [0.55, 0.35];
+/// Number of commands after the trials.
+const STEPS: usize = 4;
+/// Degrees of the trials. Two is hardly ever the best (docs/experiments/2026-11-28-degree.md).
+const DEGREES: [u32; 3] = [0, 1, 3];
+/// Trials are shorter than the run by this factor.
+const TRIAL: u32 = 16;
+/// A base with harmonics must be better than constant colors by this much in the trials, dB, because bands and lobes then improve
+/// constant colors by more (docs/experiments/2026-11-28-degree.md).
+const MARGIN_DB: f64 = 0.5;
+
+/// Share of --time for the base and for the augmentation; not tuned. The rest is for the trials, for report and page.
+const TIME: [f64; 2] = [0.5, 0.3];
 /// Share of --bytes for the base: of constant colors (docs/experiments/2026-11-28-run.md), and with harmonics. The latter leaves no
 /// bytes for bands, only the tenth that docs/benchmarks.md measures for lobes.
 const BASE_BYTES: [f64; 2] = [0.65, 0.9];
@@ -110,10 +123,10 @@ pub(super) struct Args {
     /// degree 3 that glint train makes by default, limited by the photos' pixels and the device's memory]
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
-    /// Degree of the harmonics of all Gaussians, 0 to 3. With 0, only those get bands that gain by them. 3 is
-    /// better for scenes that shine everywhere, such as many synthetic objects
-    #[arg(long, value_name = "L", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=3))]
-    sh_degree: u32,
+    /// Degree of the harmonics of all Gaussians, 0 to 3. With 0, only those get bands that gain by them
+    /// [default: chosen by short runs, tested on photos that they leave out of the training photos]
+    #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: Option<u32>,
     /// Start over even if the folder has another run
     #[arg(long)]
     restart: bool,
@@ -131,8 +144,9 @@ struct Step {
     arguments: Vec<OsString>,
     /// The file that shows that the command is done.
     done: PathBuf,
-    /// Whether its standard output becomes that file.
-    prints: bool,
+    /// Options that do not change the result, so that they are not part of the run's identity. With --json the standard output becomes
+    /// the file.
+    added: &'static [&'static str],
 }
 
 impl Args {
@@ -143,19 +157,99 @@ impl Args {
         photos.prefer(images, self.preset.max_size());
         let dataset = photos.open(&path)?;
         let bytes = self.bytes.map_or_else(|| self.default_bytes(&dataset), Ok)?;
-        let steps = self.steps(&path, &dataset, &photos, bytes)?;
+        shares(bytes, self.sh_degree.unwrap_or(0))?;
         OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
-        self.prepare(&steps)?;
+        // A single photo leaves none to test on.
+        let chooses = self.sh_degree.is_none() && dataset.split(Split::Train).count() > 1;
+        let (mut steps, mut sh_degree) = (vec![], self.sh_degree.unwrap_or(0));
+        if chooses {
+            steps = self.trials(&path, &dataset, &photos, bytes)?;
+            self.prepare(&steps, self.restart)?;
+            OutputArgs::default().make_folder(&self.output.join(TRIALS), &Inputs::default())?;
+            self.go(&steps, 0, steps.len() + STEPS)?;
+            sh_degree = self.best()?;
+        }
+        let trials = steps.len();
+        steps.extend(self.steps(&path, &dataset, &photos, bytes, sh_degree)?);
+        self.prepare(&steps, self.restart && !chooses)?;
+        self.go(&steps, trials, steps.len())?;
+        self.tell(&steps, began)
+    }
+
+    /// Runs all steps from `first` on that are not done.
+    fn go(&self, steps: &[Step], first: usize, all: usize) -> Outcome {
         let before = steps.iter().take_while(|step| step.done.exists()).count();
-        for (i, step) in steps.iter().enumerate() {
+        for (i, step) in steps.iter().enumerate().skip(first) {
             let (line, is_done) = (line_of(&step.arguments), i < before);
             let state = if is_done { " done before" } else { "" };
-            progress::tell_run(format_args!("{}/{}{state}: {line}", i + 1, steps.len()));
+            progress::tell_run(format_args!("{}/{all}{state}: {line}", i + 1));
             if !is_done {
                 step.run(self.restart)?;
             }
         }
-        self.tell(&steps, began)
+        Ok(())
+    }
+
+    /// Short runs with harmonics of several degrees in the same bytes, tested on photos left out of the training photos.
+    fn trials(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs, bytes: u64) -> Result<Vec<Step>> {
+        let mut steps = Vec::new();
+        for degree in DEGREES {
+            let [ply, trained, found] = ["ply", "train.json", "json"].map(|ending| self.trial(degree, ending));
+            let gaussians = (bytes / gaussian_bytes(degree, false)).clamp(1, u32::MAX.into()) as u32;
+            let length = match self.time {
+                Some(time) => ["--time".into(), format!("{:.1}s", time.as_secs_f64() / f64::from(TRIAL))],
+                None => ["--iterations".into(), (self.preset.steps() / TRIAL).to_string()],
+            };
+            let mut train = self.training(path, dataset, degree, gaussians, length);
+            train.extend(words(["--tune", "-o"], [&ply]));
+            let mut eval = words(["eval"], [&ply, &path.to_owned()]);
+            eval.push("--tune".into());
+            for to in [&mut train, &mut eval] {
+                to.extend(self.device.arguments().into_iter().chain(photos.arguments()));
+            }
+            steps.push(Step { arguments: train, done: trained, added: &["--force", "--json"] });
+            steps.push(Step { arguments: eval, done: found, added: &["--json"] });
+        }
+        Ok(steps)
+    }
+
+    /// A file of the trial with this degree.
+    fn trial(&self, degree: u32, ending: &str) -> PathBuf {
+        self.output.join(TRIALS).join(format!("degree-{degree}.{ending}"))
+    }
+
+    /// The degree that the trials choose.
+    fn best(&self) -> Result<u32> {
+        let mut found = Vec::new();
+        for degree in DEGREES {
+            let quality = &read_json(&self.trial(degree, "json"))?["augmented"];
+            found.push((degree, quality["psnr"].as_f64().unwrap_or(f64::NAN)));
+        }
+        let best = best_degree(&found);
+        let all: Vec<String> = found.iter().map(|(degree, psnr)| format!("degree {degree} has {psnr:.2} dB")).collect();
+        progress::tell_run(format_args!("the trials choose degree {best}: {}", all.join(", ")));
+        Ok(best)
+    }
+
+    /// Arguments that train a base.
+    fn training(
+        &self,
+        path: &Path,
+        dataset: &Dataset,
+        sh_degree: u32,
+        gaussians: u32,
+        length: [String; 2],
+    ) -> Vec<OsString> {
+        let mut train = words(["train"], [path]);
+        let (degree, most) = (sh_degree.to_string(), gaussians.to_string());
+        train.extend(["--sh-degree", &degree, "--gaussians", &most].map(OsString::from));
+        train.extend(length.map(OsString::from));
+        // The strategy places the other half where errors are large.
+        let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
+        if points > gaussians as usize / 2 {
+            train.extend(["--points".into(), (gaussians / 2).max(1).to_string().into()]);
+        }
+        train
     }
 
     /// The dataset, and the folder of its photos if it is elsewhere: as given, or with poses by COLMAP.
@@ -176,42 +270,44 @@ impl Args {
         Ok((workspace, Some(images)))
     }
 
-    /// Size of the scene if none is given. Constant colors take fewer bytes, so the number of Gaussians is limited by itself.
+    /// Size of the scene if none is given. Constant colors, which are taken if no degree is given, take fewer bytes, so the number of
+    /// Gaussians is limited by itself.
     fn default_bytes(&self, dataset: &Dataset) -> Outcome<u64> {
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
+        let sh_degree = self.sh_degree.unwrap_or(0);
         let fit = self.device.with_unchecked(|context| {
-            Ok(fit(context.memory_at_most(), learning_bytes(self.sh_degree, false, true), pixels))
+            Ok(fit(context.memory_at_most(), learning_bytes(sh_degree, false, true), pixels))
         })?;
         let most = fit.min(most_gaussians(pixels).max(points)) as u64;
         let all = default_gaussians(points, pixels) as u64 * gaussian_bytes(3, false);
-        Ok(all.min(most * gaussian_bytes(self.sh_degree, false)))
+        Ok(all.min(most * gaussian_bytes(sh_degree, false)))
     }
 
-    fn steps(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs, bytes: u64) -> Result<Vec<Step>> {
+    fn steps(
+        &self,
+        path: &Path,
+        dataset: &Dataset,
+        photos: &PhotoArgs,
+        bytes: u64,
+        sh_degree: u32,
+    ) -> Result<[Step; STEPS]> {
         let at = |name: &str| self.output.join(name);
         let [base, scene, trained, enhanced] = [BASE, SCENE, TRAINED, ENHANCED].map(at);
         let named = |name: &str, path: &Path| [OsString::from(name), path.into()].join(OsStr::new("="));
-        let mut train = words(["train"], [path]);
-        train.extend(words(["--sh-degree", &self.sh_degree.to_string(), "-o"], [&base]));
+        let (gaussians, left) = shares(bytes, sh_degree)?;
         let mut enhance = words(["enhance"], [path]);
         enhance.extend(words(["--base"], [&base]).into_iter().chain(words(["-o"], [&scene])));
-        match self.time {
+        let length = match self.time {
             Some(time) => {
-                let share = TIME.map(|share| format!("{:.1}s", share * time.as_secs_f64()).into());
-                let [train_for, enhance_for] = share;
-                train.extend(["--time".into(), train_for]);
-                enhance.extend(["--time".into(), enhance_for]);
+                let [train_for, enhance_for] = TIME.map(|share| format!("{:.1}s", share * time.as_secs_f64()));
+                enhance.extend(["--time".into(), enhance_for.into()]);
+                ["--time".into(), train_for]
             }
-            None => train.extend(["--iterations".into(), self.preset.steps().to_string().into()]),
-        }
-        let (gaussians, left) = shares(bytes, self.sh_degree)?;
-        train.extend(["--gaussians".into(), gaussians.to_string().into()]);
-        // The strategy places the other half where errors are large.
-        let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
-        if points > gaussians as usize / 2 {
-            train.extend(["--points".into(), (gaussians / 2).max(1).to_string().into()]);
-        }
+            None => ["--iterations".into(), self.preset.steps().to_string()],
+        };
+        let mut train = self.training(path, dataset, sh_degree, gaussians, length);
+        train.extend(words(["-o"], [&base]));
         enhance.extend(["--bytes".into(), left.to_string().into()]);
         let mut report = words(["report"], [path]);
         report.extend([named("base", &base), named("scene", &scene)]);
@@ -227,32 +323,31 @@ impl Args {
         [&mut train, &mut enhance, &mut report, &mut export]
             .into_iter()
             .for_each(|to| to.extend(shown.iter().cloned()));
-        let step = |arguments, done, prints| Step { arguments, done, prints };
-        Ok(vec![
-            step(train, trained, true),
-            step(enhance, enhanced, true),
-            step(report, at(REPORT).join(PAGE), false),
-            step(export, at(VIEWER), false),
+        let step = |arguments, done, added| Step { arguments, done, added };
+        Ok([
+            step(train, trained, &["--force", "--json"]),
+            step(enhance, enhanced, &["--force", "--json"]),
+            step(report, at(REPORT).join(PAGE), &["--force"]),
+            step(export, at(VIEWER), &["--force"]),
         ])
     }
 
-    /// Prepares the folder for this run, or finds that it is there already.
+    /// Prepares the folder for these steps, or finds that it has them already. Those that are new there are not done.
     ///
     /// # Errors
-    /// [`Error::Input`] if the folder has another run or foreign files, unless the run is to start over.
-    fn prepare(&self, steps: &[Step]) -> Result<()> {
+    /// [`Error::Input`] if the folder has other steps or foreign files, unless the run is to start over.
+    fn prepare(&self, steps: &[Step], restart: bool) -> Result<()> {
         let path = self.output.join(COMMANDS);
         let lines: Vec<String> = steps.iter().map(|step| line_of(&step.arguments)).collect();
         let read = fs::read(&path).ok().map(|text| serde_json::from_slice(&text).unwrap_or(Value::Null));
-        let known = read.as_ref().is_some_and(|read| read["commands"] == json!(lines));
-        let other = match &read {
-            _ if known || self.restart => None,
-            Some(read) => {
-                let found = read["commands"].as_array().into_iter().flatten().filter_map(Value::as_str);
-                let first = found.zip(&lines).find(|(found, line)| found != line).map_or("", |(found, _)| found);
-                Some(format!("has another run (`{first}`)"))
-            }
-            None => {
+        let found = read.as_ref().and_then(|read| read["commands"].as_array()).map_or(&[][..], Vec::as_slice);
+        let other = found.iter().zip(&lines).find(|(found, line)| **found != **line);
+        let other = match (&read, other) {
+            _ if restart => None,
+            (Some(_), Some((found, _))) => Some(format!("has another run (`{}`)", found.as_str().unwrap_or_default())),
+            (Some(_), None) if found.is_empty() => Some("has a damaged run.json".into()),
+            (Some(_), None) => None,
+            (None, _) => {
                 let files = [BASE, SCENE, VIEWER].map(|name| self.output.join(name));
                 let foreign = files.into_iter().find(|file| file.exists());
                 foreign.map(|file| format!("has {}, which is not of a run", file.display()))
@@ -263,8 +358,9 @@ impl Args {
                 format!("{other}; repeat it with its options, give another folder, or start over with --restart");
             return Err(Error::input(&self.output, what));
         }
-        if !known || self.restart {
-            steps.iter().for_each(|step| drop(fs::remove_file(&step.done)));
+        let known = if restart { 0 } else { found.len() };
+        if known < lines.len() {
+            steps[known..].iter().for_each(|step| drop(fs::remove_file(&step.done)));
             write_text(&path, &to_json(&json!({"glint": env!("CARGO_PKG_VERSION"), "commands": lines}))?)?;
         }
         Ok(())
@@ -272,19 +368,15 @@ impl Args {
 
     /// Prints the figures and the files.
     fn tell(&self, steps: &[Step], began: Instant) -> Outcome {
-        let read = |path: PathBuf| -> Result<Value> {
-            let text = fs::read(&path).map_err(|e| Error::io(&path, e))?;
-            serde_json::from_slice(&text).map_err(|e| Error::input(&path, e.to_string()))
-        };
         let report = self.output.join(REPORT);
-        let scenes = read(report.join(NUMBERS))?["scenes"].take();
+        let scenes = read_json(&report.join(NUMBERS))?["scenes"].take();
         if self.json {
             return Ok(print_json(&json!({
                 "output": self.output,
                 "seconds": began.elapsed().as_secs_f64(),
                 "commands": steps.iter().map(|step| line_of(&step.arguments)).collect::<Vec<_>>(),
-                "train": read(self.output.join(TRAINED))?,
-                "enhance": read(self.output.join(ENHANCED))?,
+                "train": read_json(&self.output.join(TRAINED))?,
+                "enhance": read_json(&self.output.join(ENHANCED))?,
                 "scenes": scenes,
             }))?);
         }
@@ -312,15 +404,16 @@ impl Args {
 }
 
 impl Step {
-    /// Runs the command. The options added here do not change its result, so they are not part of the run's identity.
+    /// Runs the command.
     fn run(&self, restart: bool) -> Outcome {
-        let added = [(true, "--force"), (self.prints, "--json"), (self.prints && restart, "--restart")];
-        let added = added.into_iter().filter(|(needed, _)| *needed).map(|(_, option)| OsStr::new(option));
+        // Of these commands, those with both options know --restart.
+        let restart = (restart && self.added.len() == 2).then_some("--restart");
+        let added = self.added.iter().copied().chain(restart).map(OsStr::new);
         let all = [OsStr::new("glint")].into_iter().chain(self.arguments.iter().map(OsString::as_os_str)).chain(added);
         let cli = Cli::try_parse_from(all).map_err(|error| Error::Usage(error.to_string()))?;
         let (text, outcome) = captured(|| run(&cli.command));
         outcome?;
-        if self.prints {
+        if self.added.contains(&"--json") {
             write_text(&self.done, &text)?;
         }
         Ok(())
@@ -336,6 +429,17 @@ fn shares(bytes: u64, sh_degree: u32) -> Result<(u32, u64)> {
         return Err(Error::Usage(what));
     }
     Ok((gaussians.min(u32::MAX.into()) as u32, bytes - gaussians * one))
+}
+
+/// The degree with the highest PSNR, dB, in the trials; constant colors unless another is better by [`MARGIN_DB`].
+fn best_degree(found: &[(u32, f64)]) -> u32 {
+    let handicap = |&(degree, psnr): &(u32, f64)| if degree > 0 { psnr - MARGIN_DB } else { psnr };
+    found.iter().max_by(|a, b| handicap(a).total_cmp(&handicap(b))).map_or(0, |&(degree, _)| degree)
+}
+
+fn read_json(path: &Path) -> Result<Value> {
+    let text = fs::read(path).map_err(|e| Error::io(path, e))?;
+    serde_json::from_slice(&text).map_err(|e| Error::input(path, e.to_string()))
 }
 
 /// Whether COLMAP has finished: it writes the points last.
@@ -398,6 +502,14 @@ mod tests {
     fn a_command_line_is_quoted_for_a_shell() {
         let line = line_of(&["train", "it's here", "-o", "a=b/c.ply", ""].map(OsString::from));
         assert_eq!(line, r"glint train 'it'\''s here' -o a=b/c.ply ''");
+    }
+
+    #[test]
+    fn a_degree_above_0_must_be_better_by_the_margin() {
+        let best = |psnr: [f64; 3]| best_degree(&DEGREES.into_iter().zip(psnr).collect::<Vec<_>>());
+        assert_eq!(best([30.0, 30.4, 29.0]), 0);
+        assert_eq!(best([30.0, 30.6, 29.0]), 1);
+        assert_eq!(best([30.0, 30.6, 31.0]), 3);
     }
 
     #[test]

@@ -35,6 +35,9 @@ pub(super) fn assemble(kind: DatasetKind, listed: Listing, options: &DatasetOpti
     }
     entries.sort_by(|a, b| a.name.cmp(&b.name));
     split(&mut entries, options.holdout);
+    if options.tune {
+        tune(&mut entries);
+    }
     let entries = present(entries, &mut notes)?;
     // NeRF Synthetic gives angles as focal lengths, and lists photos in separate files for training and
     // testing.
@@ -114,6 +117,12 @@ fn split(entries: &mut [Entry], holdout: Holdout) {
             Holdout::Nothing => Split::Train,
         });
     }
+}
+
+/// Leaves out the test photos and tests on some of the others.
+fn tune(entries: &mut Vec<Entry>) {
+    entries.retain(|entry| entry.split != Some(Split::Test));
+    entries.iter_mut().step_by(TEST_EVERY as usize).for_each(|entry| entry.split = Some(Split::Test));
 }
 
 /// Keeps the photos that have a pose and a file, with notes for the others.

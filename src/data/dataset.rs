@@ -301,6 +301,11 @@ mod tests {
         assert_eq!(tests(Holdout::Every(5)).unwrap(), "00 05 10 15");
         assert_eq!(tests(Holdout::Nothing).unwrap(), "");
         assert!(tests(Holdout::Every(0)).is_err());
+        let tune = DatasetOptions { tune: true, ..Default::default() };
+        let data = Dataset::open(folder.path(), &tune).unwrap();
+        let names = |split| data.split(split).map(|(_, photo)| &photo.name[..]).collect::<Vec<_>>().join(" ");
+        assert_eq!(names(Split::Test), "01 10");
+        assert!(!names(Split::Train).contains("08") && names(Split::Train).starts_with("02 03"));
         // A missing photo does not move others to another split.
         std::fs::remove_file(folder.path().join("03.png")).unwrap();
         assert_eq!(tests(Holdout::Dataset).unwrap(), "00 08 16");

@@ -37,6 +37,9 @@ pub struct DatasetOptions {
     pub model: Option<PathBuf>,
     /// Selects the test photos, unless the dataset lists them.
     pub holdout: Holdout,
+    /// Leave out the test photos, and test on the first and every 8th of the training photos after it.
+    #[serde(default)]
+    pub tune: bool,
     /// Meaning of transparency.
     pub alpha: Alpha,
 }

@@ -6,7 +6,7 @@ use super::*;
 fn photos_become_a_scene_a_report_and_a_page() {
     let work = Work::new();
     fs::write(work.path("data/transforms.json"), "{}").unwrap();
-    let run = "run data -o out --preset draft --background 0.2,0.2,0.2";
+    let run = "run data -o out --preset draft --sh-degree 0 --background 0.2,0.2,0.2";
     let found = work.json(&format!("{run} --json"));
     assert_eq!(keys(&found), set(["output", "seconds", "commands", "train", "enhance", "scenes"]));
     // 7 photos have 5,376 pixels, hence at most 336 Gaussians of 68 bytes; 65 % are for the base.
@@ -23,7 +23,7 @@ fn photos_become_a_scene_a_report_and_a_page() {
 
     assert_eq!(
         found["commands"][0],
-        "glint train data --sh-degree 0 -o out/base.ply --iterations 2000 --gaussians 218 --points 109 --max-size 640 \
+        "glint train data --sh-degree 0 --gaussians 218 --iterations 2000 --points 109 -o out/base.ply --max-size 640 \
          --background 0.2,0.2,0.2"
     );
 
@@ -45,18 +45,44 @@ fn photos_become_a_scene_a_report_and_a_page() {
     assert_eq!(work.listing()[&work.path("out/scene.ply")], before[&work.path("out/scene.ply")]);
 
     // Another run has its own folder, or starts over.
-    let other = "run data -o out --time 50s --bytes 30kB --holdout none --device nonesuch";
+    let other = "run data -o out --time 50s --bytes 30kB --sh-degree 0 --holdout none --device nonesuch";
     work.refused(other, &["out", "has another run", "glint train data", "--restart"]);
     let output = work.run(&format!("{other} --restart"));
     assert_eq!(output.status.code(), Some(2));
     let commands: Value = serde_json::from_slice(&fs::read(work.path("out/run.json")).unwrap()).unwrap();
     let line = |i: usize| commands["commands"][i].as_str().unwrap();
     assert!(
-        line(0).contains("--time 27.5s --gaussians 286 --points 143 --device nonesuch --holdout none"),
+        line(0).contains("--gaussians 286 --time 25.0s --points 143 -o out/base.ply --device nonesuch --holdout none"),
         "{commands}"
     );
     assert!(line(2).ends_with("--split train --device nonesuch --holdout none"), "{commands}");
     assert!(!work.path("out/train.json").exists(), "the old run is gone");
+}
+
+/// Without a degree, short runs choose it, and the test photos take no part.
+#[test]
+fn trials_choose_the_degree() {
+    let work = Work::new();
+    let run = "run data -o out --preset draft --bytes 22kB";
+    let found = work.json(&format!("{run} --json"));
+    let lines: Vec<&str> = found["commands"].as_array().unwrap().iter().map(|line| line.as_str().unwrap()).collect();
+    assert_eq!(lines.len(), 10);
+    for (i, (degree, gaussians)) in [(0, 323), (1, 211), (3, 88)].into_iter().enumerate() {
+        let train = format!("glint train data --sh-degree {degree} --gaussians {gaussians} --iterations 125 ");
+        assert!(lines[2 * i].starts_with(&train) && lines[2 * i].contains(" --tune "), "{lines:?}");
+        let eval = format!("glint eval out/trials/degree-{degree}.ply data --tune --max-size 640");
+        assert_eq!(lines[2 * i + 1], eval);
+        let text = fs::read(work.path(&format!("out/trials/degree-{degree}.json"))).unwrap();
+        let quality: Value = serde_json::from_slice(&text).unwrap();
+        // The first photo by name is for testing, and this is the first of the others.
+        assert_eq!(quality["views"].as_array().unwrap().len(), 1, "{quality}");
+        assert_eq!(quality["views"][0]["name"], "b/c.png", "{quality}");
+    }
+    let again = work.run(run);
+    let said = String::from_utf8(again.stderr).unwrap();
+    assert!(again.status.success() && said.matches(" done before: glint ").count() == 10, "{said}");
+    let chosen: u32 = said.split("the trials choose degree ").nth(1).unwrap()[..1].parse().unwrap();
+    assert!(lines[6].starts_with(&format!("glint train data --sh-degree {chosen} ")), "{said}{lines:?}");
 }
 
 #[test]
@@ -81,7 +107,7 @@ fn colmap_finds_poses_of_photos_without() {
         command.env("PATH", work.path("bin"));
         command
     };
-    let line = "run photos -o out --bytes 30kB --device nonesuch";
+    let line = "run photos -o out --bytes 30kB --sh-degree 0 --device nonesuch";
     let refused = run::run(&mut with(line));
     let said = String::from_utf8(refused.stderr).unwrap();
     assert!(refused.status.code() == Some(2) && said.contains("COLMAP, which finds them, cannot be run"), "{said}");
@@ -97,7 +123,7 @@ fn colmap_finds_poses_of_photos_without() {
     assert!(said.contains("5 photos without poses") && said.contains("run again without"), "{said}");
     let photos = work.path("photos").canonicalize().unwrap();
     let first = format!(
-        "1/4: glint train out/colmap --sh-degree 0 -o out/base.ply --iterations 7000 --gaussians 286 --points 143 --device nonesuch --images {}",
+        "1/4: glint train out/colmap --sh-degree 0 --gaussians 286 --iterations 7000 --points 143 -o out/base.ply --device nonesuch --images {}",
         photos.display()
     );
     assert!(said.contains(&first) && said.contains("error: --device"), "{said}");
