@@ -2,9 +2,9 @@
 // Lets candidates claim the cells of CELL * CELL pixels that they would change most in the views of a page;
 // the largest gain wins a cell.
 //
-// One thread takes one candidate. The first dispatch claims: gains -> claims (the largest gain, as bits,
-// which order like the numbers). The second, with CHECK: claims -> beaten, 1 for a candidate that lost one of
-// its cells. Equal gains both win.
+// One subgroup takes one candidate, its lanes one view after another. The first dispatch claims: gains ->
+// claims (the largest gain, as bits, which order like the numbers). The second, with CHECK: claims -> beaten,
+// 1 for a candidate that lost one of its cells. Equal gains both win.
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #include "../shared/common.glsl"
@@ -24,7 +24,7 @@ layout(set = 0, binding = 6, scalar) buffer Claims { uint claims[]; };
 layout(set = 0, binding = 7, scalar) buffer Beaten { uint beaten[]; };
 
 void main() {
-    uint i = thread_index();
+    uint i = subgroup_index();
     if (i >= push.count) return;
     float gain = gains[i];
     bool lost = CHECK && push.begin == 0 && beaten[i] != 0;
@@ -32,7 +32,7 @@ void main() {
         uint mine = floatBitsToUint(gain);
         Candidate c = candidates[i];
         Fit fit = fits[i];
-        for (uint v = push.view_first; v < push.view_end; ++v) {
+        for (uint v = push.view_first + gl_SubgroupInvocationID; v < push.view_end; v += gl_SubgroupSize) {
             View view = views[v];
             Sight s;
             if (!sees(v, view, c, s)) continue;
@@ -48,5 +48,8 @@ void main() {
             }
         }
     }
-    if (CHECK) beaten[i] = uint(lost);
+    if (CHECK) {
+        lost = subgroupAny(lost);
+        if (subgroupElect()) beaten[i] = uint(lost);
+    }
 }

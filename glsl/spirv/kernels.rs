@@ -656,8 +656,8 @@ kernel! {
 }
 kernel! {
     /// `glsl/pursuit/pursuit_claim.comp`
-    pursuit_claim, Thread, subgroups false, barriers false, features [],
-    spirv "pursuit_claim.spv" "pursuit_claim.spv",
+    pursuit_claim, Subgroup, subgroups true, barriers false, features [ComputeFullSubgroups, SubgroupSizeControl],
+    spirv "pursuit_claim.spv" "pursuit_claim.software.spv",
     push { count: u32, view_first: u32, view_end: u32, begin: u32, }
     spec { 0 workgroup_size: u32, 1 check: bool, }
     buffers {
@@ -704,8 +704,8 @@ kernel! {
 }
 kernel! {
     /// `glsl/pursuit/pursuit_gain.comp`
-    pursuit_gain, Thread, subgroups false, barriers false, features [],
-    spirv "pursuit_gain.spv" "pursuit_gain.spv",
+    pursuit_gain, Subgroup, subgroups true, barriers false, features [ComputeFullSubgroups, SubgroupSizeControl],
+    spirv "pursuit_gain.spv" "pursuit_gain.software.spv",
     push { count: u32, view_first: u32, view_end: u32, begin: u32, last: u32, caution: f32, doubt: f32, }
     spec { 0 workgroup_size: u32, }
     buffers {

@@ -119,8 +119,9 @@ pub(super) struct Args {
     /// Time for the whole run, such as 90s, 5m or 1.5h, instead of the preset's steps. COLMAP comes on top
     #[arg(long, value_name = "TIME", value_parser = units::duration)]
     time: Option<Duration>,
-    /// Maximum size of the scene's Gaussians in its file, such as 25MB [default: that of the Gaussians of
-    /// degree 3 that glint train makes by default, limited by the photos' pixels and the device's memory]
+    /// Maximum size of the scene's Gaussians in its file, such as 25MB, without the copy of a base that the
+    /// file may keep for other viewers [default: that of the Gaussians of degree 3 that glint train makes by
+    /// default, limited by the photos' pixels and the device's memory]
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
     /// Degree of the harmonics of all Gaussians, 0 to 3. With 0, only those get bands that gain by them

@@ -48,7 +48,8 @@ pub enum Kinds {
 /// Options for drawing, fitting and choosing candidates (method, section 7).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PursuitOptions {
-    /// Candidates to draw per Gaussian that may be placed.
+    /// Candidates to draw per Gaussian that may be placed; four times as many as long as these are at most
+    /// [`FEW_CANDIDATES`].
     pub draws: u32,
     /// Number of sizes to try: `first_size` times powers of `size_ratio`, px in the view that a candidate was
     /// drawn in.
@@ -86,11 +87,11 @@ pub struct PursuitOptions {
 impl Default for PursuitOptions {
     fn default() -> Self {
         PursuitOptions {
-            draws: 12,
+            draws: 3,
             sizes: 6,
             first_size: 0.5,
             size_ratio: std::f32::consts::SQRT_2,
-            rounds: 24,
+            rounds: 48,
             kinds: Kinds::Both,
             lobe_worth: 0.98,
             placements: 3,
@@ -139,6 +140,8 @@ const COUNTS: usize = 7;
 const STEPS_PER_SUBMISSION: u32 = 8;
 /// Bytes per word; budgets count words.
 const WORD: u64 = 4;
+/// So many candidates cost little, and among fewer some Gaussians find no good one.
+pub const FEW_CANDIDATES: u32 = 4096;
 /// Maximum bytes of sums for a chunk of candidates.
 const CHUNK_BYTES: u64 = 128 << 20;
 
@@ -355,7 +358,8 @@ impl Pursuit {
         pages.push(make(begin.0 as u32..views.cameras.len() as u32, begin.1..blocks, texels, pixels, cells)?);
         // As many candidates as one sort can hold.
         let largest = (bound / size_of::<Candidate>() as u64).min(1 << 26) as u32;
-        let candidates = most.saturating_mul(options.draws).clamp(1, largest);
+        let drawn = most.saturating_mul(options.draws);
+        let candidates = drawn.saturating_mul(4).min(FEW_CANDIDATES).max(drawn).clamp(1, largest);
         let item_bytes = 4 * u64::from(WIDTHS * SUMS * options.sizes.max(1));
         let chunk = (CHUNK_BYTES.min(bound) / item_bytes).max(1).min(u64::from(candidates)) as u32;
         let sizes = Sizes {

@@ -42,7 +42,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     let photographs: Vec<&[u8]> = photos.iter().map(|p| &p[..]).collect();
     let views = Views::upload(context, &case.cameras, &photographs)?;
     let session = Session { seed: SEED, ..Session::new(context) };
-    let options = PursuitOptions { draws: 3, sizes: 3, first_size: 0.7, size_ratio: 2.0, ..Default::default() };
+    let options = PursuitOptions { sizes: 3, first_size: 0.7, size_ratio: 2.0, ..Default::default() };
     let most = if quick { 100 } else { 2000 };
     let mut pursuit = Pursuit::new(&session, &views, most, options)?;
     pursuit.charge([76, 72]);
