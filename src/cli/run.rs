@@ -72,8 +72,8 @@ const TRIAL: u32 = 16;
 /// constant colors by more (docs/experiments/2026-11-28-degree.md).
 const MARGIN_DB: f64 = 0.5;
 
-/// Share of --time for the base and for the augmentation; not tuned. The rest is for the trials, for report and page.
-const TIME: [f64; 2] = [0.5, 0.3];
+/// Share of --time, less that of the trials, for the base and for the augmentation; not tuned. The rest is for report and page.
+const TIME: [f64; 2] = [0.55, 0.35];
 /// Share of --bytes for the base: of constant colors (docs/experiments/2026-11-28-run.md), and with harmonics. The latter leaves no
 /// bytes for bands, only the tenth that docs/benchmarks.md measures for lobes.
 const BASE_BYTES: [f64; 2] = [0.65, 0.9];
@@ -301,7 +301,9 @@ impl Args {
         enhance.extend(words(["--base"], [&base]).into_iter().chain(words(["-o"], [&scene])));
         let length = match self.time {
             Some(time) => {
-                let [train_for, enhance_for] = TIME.map(|share| format!("{:.1}s", share * time.as_secs_f64()));
+                let trials = if self.sh_degree.is_none() { DEGREES.len() as f64 / f64::from(TRIAL) } else { 0.0 };
+                let left = (1.0 - trials) * time.as_secs_f64();
+                let [train_for, enhance_for] = TIME.map(|share| format!("{:.1}s", share * left));
                 enhance.extend(["--time".into(), enhance_for.into()]);
                 ["--time".into(), train_for]
             }

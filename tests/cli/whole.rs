@@ -52,7 +52,7 @@ fn photos_become_a_scene_a_report_and_a_page() {
     let commands: Value = serde_json::from_slice(&fs::read(work.path("out/run.json")).unwrap()).unwrap();
     let line = |i: usize| commands["commands"][i].as_str().unwrap();
     assert!(
-        line(0).contains("--gaussians 286 --time 25.0s --points 143 -o out/base.ply --device nonesuch --holdout none"),
+        line(0).contains("--gaussians 286 --time 27.5s --points 143 -o out/base.ply --device nonesuch --holdout none"),
         "{commands}"
     );
     assert!(line(2).ends_with("--split train --device nonesuch --holdout none"), "{commands}");
