@@ -68,7 +68,7 @@ fn trials_choose_the_degree() {
     let lines: Vec<&str> = found["commands"].as_array().unwrap().iter().map(|line| line.as_str().unwrap()).collect();
     assert_eq!(lines.len(), 10);
     for (i, (degree, gaussians)) in [(0, 323), (1, 211), (3, 88)].into_iter().enumerate() {
-        let train = format!("glint train data --sh-degree {degree} --gaussians {gaussians} --iterations 125 ");
+        let train = format!("glint train data --sh-degree {degree} --gaussians {gaussians} --iterations 250 ");
         assert!(lines[2 * i].starts_with(&train) && lines[2 * i].contains(" --tune "), "{lines:?}");
         let eval = format!("glint eval out/trials/degree-{degree}.ply data --tune --max-size 640");
         assert_eq!(lines[2 * i + 1], eval);
