@@ -7,9 +7,10 @@
 Rows of a dataset and seed:
 
 - 0, 1, 2, 3: `glint train` with harmonics of this degree and as many Gaussians as fit the bytes;
-- run0, run1, run2, run3: `glint train` with a share of the bytes, then `glint enhance --bytes` with the rest, as `glint run --sh-degree` does.
+- run0, run1, run2, run3: `glint train` with a share of the bytes, then `glint enhance --bytes` with the rest, as
+  `glint run --sh-degree` does.
 
-The former take as many steps more as the joint phase of the latter has: 30 for each training photo. Each finished row is a JSON line in
+Rows without `enhance` take 30 steps more for each training photo, as many as its joint phase. Each finished row is a JSON line in
 RUNS.jsonl, which `glint report --history` draws; the same command continues after the last of them. A table of means comes last.
 """
 

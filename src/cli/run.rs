@@ -64,7 +64,7 @@ const TRIALS: &str = "trials";
 
 /// Number of commands after the trials.
 const STEPS: usize = 4;
-/// Degrees of the trials. Two is hardly ever the best (docs/experiments/2026-11-28-degree.md).
+/// Degrees of the trials. Degree 2 lies between two of them and was not measured.
 const DEGREES: [u32; 3] = [0, 1, 3];
 /// Trials are shorter than the run by this factor.
 const TRIAL: u32 = 16;
@@ -162,8 +162,8 @@ impl Args {
         let bytes = self.bytes.map_or_else(|| self.default_bytes(&dataset), Ok)?;
         shares(bytes, self.sh_degree.unwrap_or(0))?;
         OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
-        // A single photo leaves none to test on.
-        let chooses = self.sh_degree.is_none() && dataset.split(Split::Train).count() > 1;
+        // A single photo leaves none to test on, and a plan decides the photos of its parts.
+        let chooses = self.sh_degree.is_none() && dataset.part.is_none() && dataset.split(Split::Train).count() > 1;
         let (mut steps, mut sh_degree) = (vec![], self.sh_degree.unwrap_or(0));
         if chooses {
             steps = self.trials(&path, &dataset, &photos, bytes)?;
@@ -204,11 +204,10 @@ impl Args {
                 None => ["--iterations".into(), (self.preset.steps() / TRIAL).max(LEAST_TRIAL).to_string()],
             };
             let mut train = self.training(path, dataset, degree, gaussians, length);
-            train.extend(words(["--tune", "-o"], [&ply]));
+            train.extend(words(["-o"], [&ply]));
             let mut eval = words(["eval"], [&ply, &path.to_owned()]);
-            eval.push("--tune".into());
             for to in [&mut train, &mut eval] {
-                to.extend(self.device.arguments().into_iter().chain(photos.arguments()));
+                to.extend(self.device.arguments().into_iter().chain(photos.tuned().arguments()));
             }
             steps.push(Step { arguments: train, done: trained, added: &["--force", "--json"] });
             steps.push(Step { arguments: eval, done: found, added: &["--json"] });
@@ -411,7 +410,7 @@ impl Args {
 impl Step {
     /// Runs the command.
     fn run(&self, restart: bool) -> Outcome {
-        // Of these commands, those with both options know --restart.
+        // Only `train` and `enhance` take both options, and --restart.
         let restart = (restart && self.added.len() == 2).then_some("--restart");
         let added = self.added.iter().copied().chain(restart).map(OsStr::new);
         let all = [OsStr::new("glint")].into_iter().chain(self.arguments.iter().map(OsString::as_os_str)).chain(added);
