@@ -31,12 +31,13 @@ Examples:
   glint convert base.ply base.spz
   glint convert base.ply base.spz --spz-version 3        for viewers that cannot read version 4
   glint convert augmented.ply base.sog --base-only
+  glint convert base.ply web/lod-meta.json --lod 6       levels of detail, each with half of the Gaussians
   glint convert download.splat scene.ply --lenient
   glint convert base.checkpoint.safetensors base.ply     the current state of a run
   glint convert base.ply base.sog --compare garden       PSNR of its renders against the input's";
 
 fn after_help() -> String {
-    let line = |format: &SceneFormat| format!("  {:<17}{}\n", format!(".{}", format.ending), format.about);
+    let line = |format: &SceneFormat| format!("  {:<17}{}\n", format.shown(), format.about);
     let formats: String = SceneFormat::ALL.iter().map(line).collect();
     let lobes = SceneFormat::endings(|format| format.keeps_lobes);
     format!(
@@ -86,6 +87,9 @@ pub(super) struct SaveArgs {
     /// has coarser rotations; version 1 also has 16-bit positions
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=4))]
     spz_version: Option<u8>,
+    /// Number of levels of detail for lod-meta.json, each with half of the Gaussians of the one before
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
+    lod: Option<u8>,
     #[command(flatten)]
     replace: OutputArgs,
 }
@@ -104,8 +108,17 @@ impl SaveArgs {
             let refuse = || Error::Usage(format!("{}: --spz-version is only for .spz files", output.display()));
             format = format.in_version(version).ok_or_else(refuse)?;
         }
-        let ending = output.extension().unwrap_or_default().to_string_lossy();
-        self.replace.check_file(output, &ending, "a scene", inputs)?;
+        if let Some(levels) = self.lod {
+            let refuse = || Error::Usage(format!("{}: --lod is only for FOLDER/lod-meta.json", output.display()));
+            format = format.with_levels(levels).ok_or_else(refuse)?;
+        }
+        match format.levels {
+            Some(_) => self.replace.check_folder_of(output, inputs)?,
+            None => {
+                let ending = output.extension().unwrap_or_default().to_string_lossy();
+                self.replace.check_file(output, &ending, "a scene", inputs)?;
+            }
+        }
         let file = if self.base_only { file.into_base() } else { file };
         check_lobes(&file, format, output)?;
         let kept = format.greatest_sh_degree;
@@ -245,13 +258,19 @@ fn check_lobes(file: &SceneFile, format: SceneFormat, output: &Path) -> Result<(
     }
 }
 
-/// Size of a file, or of the files in a folder, bytes.
+/// Size of a file, or of the files in a folder, bytes. The description of levels of detail stands for its folder.
 fn bytes_of(path: &Path) -> u64 {
-    let size = |path: &Path| fs::metadata(path).map_or(0, |found| found.len());
-    match fs::read_dir(path) {
-        Ok(entries) => entries.flatten().map(|entry| size(&entry.path())).sum(),
-        Err(_) => size(path),
+    let path = match (SceneFormat::of(path), path.parent()) {
+        (Some(SceneFormat { levels: Some(_), .. }), Some(folder)) => folder,
+        _ => path,
+    };
+    fn within(path: &Path) -> u64 {
+        match fs::read_dir(path) {
+            Ok(entries) => entries.flatten().map(|entry| within(&entry.path())).sum(),
+            Err(_) => fs::metadata(path).map_or(0, |found| found.len()),
+        }
     }
+    within(path)
 }
 
 #[cfg(test)]

@@ -87,6 +87,20 @@ impl OutputArgs {
         Ok(())
     }
 
+    /// Checks the description of a scene that is a folder: the folder around it is written, and is the scene's own.
+    pub(super) fn check_folder_of(&self, path: &Path, inputs: &Inputs) -> Result<()> {
+        let Some(folder) = path.parent().filter(|folder| folder.file_name().is_some()) else {
+            let what = format!("the scene is a folder, expected a name such as web/{}", path.display());
+            return Err(Error::input(path, what));
+        };
+        let beside = folder.parent().filter(|beside| !beside.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        writable(beside)
+            .map_err(|error| Error::input(path, format!("cannot be written: {}: {error}", beside.display())))?;
+        self.check_replaced(path, inputs)?;
+        clear(beside);
+        Ok(())
+    }
+
     /// Checks a PLY scene. For other endings, the error suggests `glint convert`.
     pub(super) fn check_ply(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         if SceneFormat::of(path).is_some_and(|format| format.ending != "ply") {

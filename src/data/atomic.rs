@@ -57,6 +57,39 @@ pub(super) fn write_whole(
     Ok(())
 }
 
+/// Lets `fill` write a temporary folder next to `folder`, then renames it to `folder`. If anything fails, nothing is left, and an older
+/// folder is untouched. It is replaced only if it holds nothing but names that are `own`.
+#[cfg(feature = "formats")]
+pub(super) fn replace_folder(
+    folder: &Path,
+    own: impl Fn(&str) -> bool,
+    fill: impl FnOnce(&Path) -> io::Result<()>,
+) -> Result<()> {
+    let at = |source| Error::io(folder, source);
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => Some(entries.collect::<io::Result<Vec<_>>>().map_err(at)?),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => return Err(at(error)),
+    };
+    let foreign = |entry: &&fs::DirEntry| entry.file_name().to_str().is_none_or(|name| !own(name));
+    // guard: folders with other files
+    if let Some(other) = entries.iter().flatten().find(foreign) {
+        let other = other.file_name();
+        let what = format!("has `{}`, which is not of such a scene; expected a folder of its own", other.display());
+        return Err(Error::input(folder, what));
+    }
+    let beside = || tempfile::Builder::new().prefix(PREFIX).tempdir_in(parent(folder)).map_err(at);
+    let new = beside()?;
+    let scene = new.path().join("scene");
+    fs::create_dir(&scene).map_err(at)?;
+    fill(&scene).map_err(at)?;
+    let old = beside()?;
+    if entries.is_some() {
+        fs::rename(folder, old.path().join("old")).map_err(at)?;
+    }
+    fs::rename(&scene, folder).map_err(at)
+}
+
 /// The folder that `path` is in.
 pub(super) fn parent(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))

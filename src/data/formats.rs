@@ -22,6 +22,8 @@ pub(super) mod packed_ply;
 #[cfg(feature = "formats")]
 mod quantise;
 #[cfg(feature = "formats")]
+mod rad;
+#[cfg(feature = "formats")]
 mod rotate;
 #[cfg(feature = "formats")]
 mod sog;
@@ -55,7 +57,9 @@ pub enum Kind {
     Splat,
     /// A scene of mkkellogg's viewer; recognised by its name.
     Ksplat,
-    /// The `meta.json` of an SOG scene in a folder; recognised by its name.
+    /// A tree of Gaussians for Spark.
+    Rad,
+    /// The `meta.json` of an SOG scene in a folder, or its `lod-meta.json` if it has levels of detail; recognised by these names.
     Sog,
     /// A ZIP archive: perhaps an SOG scene.
     Zip,
@@ -91,6 +95,7 @@ impl Kind {
             _ if is_ply(start) => Kind::Ply,
             [b'N', b'G', b'S', b'P', ..] => Kind::Spz,
             [b'P', b'K', 3, 4, ..] => Kind::Zip,
+            [b'R', b'A', b'D', b'0', ..] => Kind::Rad,
             [b'g', b'l', b'T', b'F', ..] => Kind::Gltf,
             _ if start.starts_with(b"#usda ") => Kind::Usda,
             _ if start.starts_with(b"PXR-USDC") => Kind::Usdc,
@@ -123,7 +128,11 @@ impl Kind {
             }
             [_, _, _, _, _, _, 0, 0, b'{', ..] => Kind::Safetensors,
             _ if text.starts_with(b"{") && ending("gltf") => Kind::Gltf,
-            _ if text.starts_with(b"{") && path.file_name().is_some_and(|name| name == SOG_META) => Kind::Sog,
+            _ if text.starts_with(b"{")
+                && path.file_name().is_some_and(|name| SOG_META.iter().any(|of| name == *of)) =>
+            {
+                Kind::Sog
+            }
             _ if text.starts_with(b"{") => Kind::Json,
             _ if ending("ksplat") => Kind::Ksplat,
             _ if ["mpg", "mpeg", "mts", "m2ts", "wmv", "flv"].into_iter().any(ending) => Kind::Video,
@@ -192,7 +201,7 @@ impl fmt::Display for Kind {
 /// Reads a scene from a file's bytes. Files that they name are read from the folder, if there is one; the
 /// path is only used in errors.
 pub(super) type Reader = fn(&[u8], Option<&Path>, &Path) -> Result<SceneFile>;
-/// Writes a scene to a file, in the given version if the format has several. Returns a note for each
+/// Writes a scene to a file, in the given version or with so many levels of detail, if the format has several. Returns a note for each
 /// unexpected change.
 #[cfg(feature = "train")]
 pub(super) type Writer = fn(&SceneFile, &Path, Option<u8>) -> Result<Vec<String>>;
@@ -206,6 +215,8 @@ pub struct SceneFormat {
     pub about: &'static str,
     /// Default version for writing, if the format has several.
     pub(super) version: Option<u8>,
+    /// Default number of levels of detail, if the format has any. Its scenes are folders, and `ending` is the name of their description.
+    pub levels: Option<u8>,
     /// Whether it keeps a supplement.
     pub keeps_lobes: bool,
     /// Whether it keeps the world position of its coordinates' origin
@@ -229,6 +240,7 @@ const USUAL: SceneFormat = SceneFormat {
     ending: "",
     about: "",
     version: None,
+    levels: None,
     keeps_lobes: false,
     keeps_origin: true,
     keeps_antialiased: true,
@@ -284,6 +296,26 @@ impl SceneFormat {
             ..USUAL
         },
         SceneFormat {
+            ending: "lod-meta.json",
+            about: "PlayCanvas: streamed SOG, a folder with levels of detail; give it as FOLDER/lod-meta.json",
+            levels: Some(5),
+            #[cfg(feature = "formats")]
+            write: Some(sog::write_streamed),
+            ..USUAL
+        },
+        SceneFormat {
+            ending: "rad",
+            about: "Spark: a tree with levels of detail; colors and sizes of 16 bits, rotations and harmonics as bytes",
+            keeps_origin: false,
+            keeps_antialiased: false,
+            kinds: &[(Kind::Rad, "a RAD scene")],
+            #[cfg(feature = "formats")]
+            read: Some(rad::parse),
+            #[cfg(feature = "formats")]
+            write: Some(rad::write),
+            ..USUAL
+        },
+        SceneFormat {
             ending: "spz",
             about: "Niantic, version 4 by default: positions of 24 bits, all else bytes or less; lobes in an extension of glint's",
             version: Some(4),
@@ -328,16 +360,36 @@ impl SceneFormat {
         Some(SceneFormat { version: Some(version), keeps_lobes, keeps_origin, ..self })
     }
 
+    /// Ending of a name for messages: ".ply"; "lod-meta.json", which is a whole name.
+    pub fn shown(&self) -> String {
+        if self.levels.is_some() { self.ending.into() } else { format!(".{}", self.ending) }
+    }
+
+    /// The format with so many levels of detail; `None` if it has none.
+    pub fn with_levels(self, levels: u8) -> Option<SceneFormat> {
+        self.levels.map(|_| SceneFormat { levels: Some(levels), ..self })
+    }
+
     /// Finds the format whose ending the name of `path` has.
     pub fn of(path: &Path) -> Option<SceneFormat> {
         let name = path.file_name()?.to_str()?.to_ascii_lowercase();
-        let named = |ending: &str| name.strip_suffix(ending).and_then(|stem| stem.strip_suffix('.')).is_some();
-        Self::ALL.iter().rev().find(|format| named(format.ending)).copied()
+        let named = |format: &&SceneFormat| match name.strip_suffix(format.ending) {
+            // The description of a folder has no stem.
+            Some(stem) => {
+                if format.levels.is_some() {
+                    stem.is_empty()
+                } else {
+                    stem.ends_with('.')
+                }
+            }
+            None => false,
+        };
+        Self::ALL.iter().rev().find(named).copied()
     }
 
     /// Lists the endings of some formats: ".ply, .glb and .sog".
     pub fn endings(which: impl Fn(&SceneFormat) -> bool) -> String {
-        let names: Vec<String> = Self::ALL.iter().filter(|f| which(f)).map(|f| format!(".{}", f.ending)).collect();
+        let names: Vec<String> = Self::ALL.iter().filter(|f| which(f)).map(SceneFormat::shown).collect();
         match &names[..] {
             [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
             names => names.concat(),

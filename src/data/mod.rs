@@ -28,6 +28,8 @@ mod left_out;
 mod lens;
 #[cfg(feature = "train")]
 mod listing;
+#[cfg(feature = "formats")]
+pub mod lod;
 #[cfg(feature = "train")]
 mod merge;
 #[cfg(feature = "train")]

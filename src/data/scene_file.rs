@@ -1,16 +1,21 @@
 //! A scene file's contents: the scene, the base for other viewers, training settings and notes.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::trained_with::TrainedWith;
 use crate::scene::{Gaussians, Scene};
 
-/// File that a folder with an SOG scene contains.
-pub(super) const SOG_META: &str = "meta.json";
+/// Files one of which a folder with an SOG scene contains: a scene's description, and one with levels of detail.
+pub(super) const SOG_META: [&str; 2] = ["meta.json", "lod-meta.json"];
+
+/// The description in a folder with a scene.
+pub(super) fn description_in(folder: &Path) -> Option<PathBuf> {
+    SOG_META.iter().map(|name| folder.join(name)).find(|path| path.is_file())
+}
 
 /// Whether `path` is a folder with a scene.
 pub fn is_scene_folder(path: &Path) -> bool {
-    path.is_dir() && path.join(SOG_META).is_file()
+    description_in(path).is_some()
 }
 
 /// A scene, and the base that other viewers show.

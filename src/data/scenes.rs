@@ -12,7 +12,7 @@ use super::formats::SceneFormat;
 use super::ply_columns::BASE;
 #[cfg(feature = "train")]
 use super::ply_write;
-use super::scene_file::{SOG_META, SceneFile};
+use super::scene_file::{SceneFile, description_in};
 #[cfg(feature = "train")]
 use super::trained_with::TrainedWith;
 use super::validate::{self, Dropped};
@@ -95,7 +95,7 @@ pub fn write_scene_as(path: impl AsRef<Path>, format: SceneFormat, file: &SceneF
     let Some(write) = format.write else {
         return refuse("this build of glint writes PLY scenes only".into());
     };
-    let mut notes = write(file, path, format.version)?;
+    let mut notes = write(file, path, format.version.or(format.levels))?;
     let keep = || SceneFormat::endings(|format| format.keeps_origin);
     if *origin != DVec3::ZERO && !format.keeps_origin {
         let [x, y, z] = origin.to_array();
@@ -170,7 +170,7 @@ pub fn parse_scene(bytes: &[u8], path: &Path) -> Result<Scene> {
 
 /// Reads the scene without checking its numbers, and returns the kind of its file.
 fn open(path: &Path) -> Result<(SceneFile, Kind)> {
-    let path = &if path.is_dir() { path.join(SOG_META) } else { path.to_owned() };
+    let path = &description_in(path).unwrap_or_else(|| path.to_owned());
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     parse(&bytes, path)
 }

@@ -5,6 +5,8 @@ use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 
+use crate::scene::eigen;
+
 /// The sector is one in this number of photos, rounded up.
 const PART: usize = 8;
 /// Cameras count as surrounding something if their axes are at least this far from the rotation axis (the
@@ -102,34 +104,16 @@ fn meeting(stands: &[Stand]) -> DVec3 {
 }
 
 /// Unit vectors along the smallest and the largest spread of `offsets` from their mean, each with a positive
-/// largest component. Uses Jacobi rotations of the covariance.
+/// largest component.
 fn principal(offsets: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
-    let mut a = [[0.0f64; 3]; 3];
-    for v in offsets {
-        let v = v.to_array();
-        (0..9).for_each(|k| a[k / 3][k % 3] += v[k / 3] * v[k % 3]);
+    let mut sums = [0.0f64; 6];
+    for DVec3 { x, y, z } in offsets {
+        [x * x, y * y, z * z, x * y, x * z, y * z].iter().zip(&mut sums).for_each(|(product, sum)| *sum += product);
     }
-    let mut axes = DMat3::IDENTITY;
-    // Each sweep squares the remaining off-diagonal part.
-    for _ in 0..16 {
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            let (sin, cos) = (0.5 * (2.0 * a[p][q]).atan2(a[p][p] - a[q][q])).sin_cos();
-            for row in &mut a {
-                (row[p], row[q]) = (cos * row[p] + sin * row[q], cos * row[q] - sin * row[p]);
-            }
-            let (row_p, row_q) = (a[p], a[q]);
-            a[p] = [0, 1, 2].map(|k| cos * row_p[k] + sin * row_q[k]);
-            a[q] = [0, 1, 2].map(|k| cos * row_q[k] - sin * row_p[k]);
-            let (x, y) = (axes.col(p), axes.col(q));
-            (*axes.col_mut(p), *axes.col_mut(q)) = (cos * x + sin * y, cos * y - sin * x);
-        }
-    }
-    let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
-    [order[0], order[2]].map(|k| {
-        let axis = axes.col(k);
-        let largest = axis.to_array().into_iter().max_by(|x, y| x.abs().total_cmp(&y.abs())).unwrap_or(1.0);
-        if largest < 0.0 { -axis } else { axis }
+    let (_, [largest, _, least]) = eigen(sums);
+    [least, largest].map(|axis| {
+        let longest = axis.to_array().into_iter().max_by(|x, y| x.abs().total_cmp(&y.abs())).unwrap_or(1.0);
+        if longest < 0.0 { -axis } else { axis }
     })
 }
 

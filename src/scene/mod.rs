@@ -1,5 +1,7 @@
 //! A scene on the host: Gaussians, their layout, and cameras.
 
+#[cfg(feature = "train")]
+mod axes;
 mod camera;
 pub mod color;
 #[cfg(feature = "train")]
@@ -7,6 +9,8 @@ mod from_points;
 mod gaussians;
 pub mod layout;
 
+#[cfg(feature = "train")]
+pub use axes::eigen;
 pub use camera::Camera;
 #[cfg(feature = "train")]
 pub use from_points::{SH_DC, from_points};

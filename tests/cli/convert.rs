@@ -10,7 +10,7 @@ use glint::{
 
 use super::Work;
 
-const ENDINGS: [&str; 7] = ["ply", "glb", "usda", "compressed.ply", "sog", "spz", "splat"];
+const ENDINGS: [&str; 8] = ["ply", "glb", "usda", "compressed.ply", "rad", "sog", "spz", "splat"];
 
 /// A scene within view of the cameras of [`Work`].
 fn visible(supplement: usize) -> Scene {
@@ -94,6 +94,15 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
         assert!(work.json(&convert)["psnr"].as_f64().unwrap() > 20.0);
     }
     assert!(work.ok("convert base.ply same.ply --compare data").contains("renders are identical to the input's"));
+    // With levels of detail the scene is a folder.
+    let report = work.json("convert base.ply web/lod-meta.json --lod 2 --compare data --json");
+    assert!(report["psnr"].as_f64().unwrap() > 20.0 && report["output_bytes"].as_u64().unwrap() > 2000, "{report}");
+    assert!(!work.path("web/2_0").exists() && work.path("web/1_0/meta.json").is_file());
+    assert_eq!(work.json("info web --json")["base"]["count"], 200);
+    work.refused("convert base.ply web/lod-meta.json", &["web/lod-meta.json", "--force"]);
+    work.ok("convert web b/lod-meta.json");
+    work.refused("convert base.ply lod-meta.json", &["is a folder", "web/lod-meta.json"]);
+    work.refused("convert base.ply v.sog --lod 3", &["v.sog", "--lod"]);
     // If the comparison is impossible, nothing is written.
     work.refused("convert base.ply x.spz --compare data --holdout none --split test", &["test split"]);
     assert!(!work.path("x.spz").exists());

@@ -14,9 +14,9 @@ fn with_floater(count: usize, at: [f32; 3]) -> Scene {
 }
 
 /// Writes and reads the scene; returns the result, and the notes of writing.
-fn converted(scene: &Scene, name: &str, format: SceneFormat) -> (SceneFile, Vec<String>) {
+fn converted(scene: &Scene, format: SceneFormat) -> (SceneFile, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join(name);
+    let path = named(folder.path(), "a", format);
     let notes = write_scene_as(&path, format, &scene.clone().into()).unwrap();
     (read_scene_file(&path).unwrap(), notes)
 }
@@ -31,7 +31,7 @@ fn off(scene: &Scene, back: &Scene, but: usize) -> f64 {
 fn a_floater_costs_an_spz_no_bit_of_the_others() {
     for (version, far) in [(4, 1e6), (3, 2e5), (2, 2.1e7)] {
         let scene = with_floater(200, [0.0, -far, 0.5 * far]);
-        let (back, notes) = converted(&scene, "a.spz", spz(version));
+        let (back, notes) = converted(&scene, spz(version));
         // Half of 2⁻¹², in each coordinate.
         assert!(off(&scene, &back.scene, 100) < 0.87 * 2f64.powi(-12));
         let [x, y, z] = back.scene.base.means[100];
@@ -40,11 +40,11 @@ fn a_floater_costs_an_spz_no_bit_of_the_others() {
         assert!(notes[0].contains("step of 0.000244140625"), "{notes:?}");
     }
     // No note if all are within 2,048 units, and small scenes keep more bits.
-    let (back, notes) = converted(&sample(3, 200, 1), "a.spz", spz(4));
+    let (back, notes) = converted(&sample(3, 200, 1), spz(4));
     assert!(notes.is_empty() && off(&sample(3, 200, 1), &back.scene, 200) < 2f64.powi(-15), "{notes:?}");
     // Float16's maximum is 65,504.
     let scene = with_floater(200, [7e4, 0.0, 0.0]);
-    let (back, notes) = converted(&scene, "a.spz", spz(1));
+    let (back, notes) = converted(&scene, spz(1));
     assert!(back.scene.base.means[100][0] == 65504.0 && notes[0].contains("1 of 200"), "{notes:?}");
 }
 
@@ -57,7 +57,7 @@ fn a_coarse_grid_is_told() {
         scene
     };
     for (version, by, step) in [(4, 5e5, "0.0625"), (3, 1e6, "0.125"), (1, 2000.0, "1")] {
-        let (_, notes) = converted(&moved(by), "a.spz", spz(version));
+        let (_, notes) = converted(&moved(by), spz(version));
         let wanted = format!("positions lie on a grid of step {step}, and the median size of a Gaussian is 0.050");
         assert_eq!(notes, [wanted]);
     }
@@ -67,7 +67,7 @@ fn a_coarse_grid_is_told() {
 fn a_floater_has_a_chunk_of_its_own() {
     for count in [256, 300] {
         let scene = with_floater(count, [1e5, 0.0, 0.0]);
-        let (back, notes) = converted(&scene, "a.compressed.ply", format("a.compressed.ply"));
+        let (back, notes) = converted(&scene, format("a.compressed.ply"));
         // A chunk is as wide as the scene, 24 units; a step is 1/1023 of that.
         assert!(off(&scene, &back.scene, count / 2) < 24.0 / 1023.0 * 0.87);
         assert!(back.scene.world_means().any(|mean| mean.x == 1e5));
@@ -83,10 +83,10 @@ fn a_floater_has_a_chunk_of_its_own() {
     // No floaters, and a chunk's grid is fine enough for Gaussians of this size.
     let mut scene = sample(3, 300, 1);
     scene.base.log_scales.as_flattened_mut().iter_mut().for_each(|v| *v += 1.0);
-    let (back, notes) = converted(&scene, "a.compressed.ply", format("a.compressed.ply"));
+    let (back, notes) = converted(&scene, format("a.compressed.ply"));
     assert!(notes.is_empty() && back.scene.base.len() == 300);
     // In so small a scene none counts as a floater.
-    let (_, notes) = converted(&with_floater(60, [1e5, 0.0, 0.0]), "a.compressed.ply", format("a.compressed.ply"));
+    let (_, notes) = converted(&with_floater(60, [1e5, 0.0, 0.0]), format("a.compressed.ply"));
     assert!(notes[0].contains("60 of 60 positions lie on a grid that is coarse"), "{notes:?}");
 }
 
@@ -95,7 +95,7 @@ fn an_origin_is_kept_or_told() {
     let scene = Scene { origin: UTM, ..sample(5, 40, 1) };
     for &format in SceneFormat::ALL {
         let ending = format.ending;
-        let (back, notes) = converted(&scene, &format!("a.{ending}"), format);
+        let (back, notes) = converted(&scene, format);
         if format.keeps_origin {
             assert_eq!((back.scene.origin, notes), (UTM, vec![]), "{ending}");
         } else {
@@ -113,7 +113,7 @@ fn an_origin_is_kept_or_told() {
 #[test]
 fn a_far_node_of_a_gltf_becomes_the_origin_and_a_near_one_moves_its_gaussians() {
     let scene = Scene { origin: DVec3::new(-3.5, 2.0, 1.0), ..sample(6, 30, 1) };
-    let (back, _) = converted(&scene, "a.glb", format("a.glb"));
+    let (back, _) = converted(&scene, format("a.glb"));
     assert_eq!(back.scene.origin, DVec3::ZERO);
     assert!(off(&scene, &back.scene, 30) < 1e-5);
 }

@@ -4,6 +4,7 @@
 mod far;
 mod gltf;
 mod packed_ply;
+mod rad;
 mod readers;
 mod round_trips;
 #[path = "../common/shared.rs"]
@@ -11,9 +12,13 @@ mod shared;
 mod sog;
 mod splat;
 mod spz;
+mod streamed;
 mod usd;
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use glint::{
     data::{
@@ -37,6 +42,15 @@ fn format(name: &str) -> SceneFormat {
 
 fn spz(version: u8) -> SceneFormat {
     format("a.spz").in_version(version).unwrap()
+}
+
+/// The name of a scene in `folder`.
+fn named(folder: &Path, stem: &str, format: SceneFormat) -> PathBuf {
+    if format.levels.is_some() {
+        folder.join(stem).join(format.ending)
+    } else {
+        folder.join(format!("{stem}.{}", format.ending))
+    }
 }
 
 /// Writes `scene` as a file with this ending and reads it; returns the result and the file's bytes.
@@ -176,12 +190,12 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
     for &format in SceneFormat::ALL {
         let ending = format.ending;
         for supplementary in if format.keeps_lobes { &[0, 3][..] } else { &[0] } {
-            let path = folder.path().join(format!("a.{ending}"));
+            let path = named(folder.path(), &format!("a{supplementary}"), format);
             let file = SceneFile { trained_with, ..random_scene(1, 20, *supplementary, 1).into() };
             let notes = write_scene_as(&path, format, &file).unwrap();
             let (found, said) = (read_scene_file(&path).unwrap().trained_with, notes.join("; "));
             match ending {
-                "splat" => {
+                "rad" | "splat" => {
                     assert_eq!(found, TrainedWith::default());
                     assert!(said.contains("--background 1,0.5,0 --compensate --max-size 400"), "{said}");
                 }
@@ -191,7 +205,7 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
         // Missing defaults need no note.
         let plain = TrainedWith { background: Some([0.0; 3]), antialiased: Some(false), ..Default::default() };
         let file = SceneFile { trained_with: plain, ..sample(1, 20, 1).into() };
-        let path = folder.path().join(format!("b.{ending}"));
+        let path = named(folder.path(), "b", format);
         assert_eq!(write_scene_as(&path, format, &file).unwrap(), [""; 0], "{ending}");
         let found = read_scene_file(&path).unwrap().trained_with;
         assert!(found == if format.keeps_origin { plain } else { TrainedWith::default() }, "{ending}: {found:?}");

@@ -74,7 +74,7 @@ fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestC
 fn every_scene_comes_back_from_every_format() {
     let folder = tempfile::tempdir().unwrap();
     let config = Config { cases: 48, failure_persistence: None, ..Config::default() };
-    for ending in ["glb", "usda", "compressed.ply", "sog", "splat", "spz"] {
+    for ending in ["glb", "usda", "compressed.ply", "rad", "sog", "splat", "spz"] {
         let path = folder.path().join(format!("scene.{ending}"));
         let again = folder.path().join(format!("again.{ending}"));
         let round = |base: Gaussians| {

@@ -1,11 +1,12 @@
 // Reads two PLY or SPZ files with other programs, an augmented scene and its base alone: node readers.mjs AUGMENTED BASE. Each program
-// must get the same data from both. Run by tools/readers, which installs the packages.
+// must get the same data from both. With levels of detail, node readers.mjs lod-meta.json SCENE.rad, each must find the scene's Gaussians.
+// Run by tools/readers, which installs the packages.
 import { execFile, execFileSync } from "node:child_process";
 import { createHash } from "node:crypto";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createServer } from "node:http";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { extname, join } from "node:path";
 
 // Some of these libraries check for a browser when loaded.
 globalThis.self ??= globalThis;
@@ -50,19 +51,22 @@ async function inSpark(path) {
         frame.contentDocument.open();
         try {
             const { PackedSplats } = await import("/node_modules/@sparkjsdev/spark/dist/spark.module.js");
-            const fileBytes = new Uint8Array(await (await fetch("/scene.ply")).arrayBuffer());
-            const splats = new PackedSplats({ fileBytes, fileName: "scene.ply" });
-            await splats.initialized;
-            const { sh1, sh2, sh3 } = splats.extra;
+            const fileBytes = new Uint8Array(await (await fetch("/scene")).arrayBuffer());
+            const file = new PackedSplats({ fileBytes, fileName: "scene${extname(path)}" });
+            await file.initialized;
+            const splats = file.lodSplats ?? file;
+            const { sh1, sh2, sh3, lodTree } = splats.extra;
+            // Four words a Gaussian; the third is the number of its children.
+            const leaves = lodTree?.filter((word, at) => at % 4 === 2 && word === 0).length;
             const parts = [splats.packedArray.subarray(0, 4 * splats.numSplats), sh1, sh2, sh3].filter((part) => part);
-            told.textContent = "DECODED " + JSON.stringify({ count: splats.numSplats, parts: parts.map((part) => [...part]) }) + " END";
+            told.textContent = "DECODED " + JSON.stringify({ count: splats.numSplats, leaves, parts: parts.map((part) => [...part]) }) + " END";
         } catch (error) {
             told.textContent = "FAILED " + error + " END";
         }
         frame.contentDocument.close();</script></body>`;
-    const served = (url) => (url === "/" ? page : readFileSync(url === "/scene.ply" ? path : `.${url}`));
+    const served = (url) => (url === "/" ? page : readFileSync(url === "/scene" ? path : `.${url}`));
     const server = createServer(({ url }, reply) => {
-        if (url.includes("..") || !["/", "/scene.ply"].includes(url) && !url.startsWith("/node_modules/")) return reply.writeHead(404).end();
+        if (url.includes("..") || !["/", "/scene"].includes(url) && !url.startsWith("/node_modules/")) return reply.writeHead(404).end();
         reply.setHeader("content-type", url === "/" ? "text/html" : url.endsWith("js") ? "text/javascript" : "application/octet-stream");
         reply.end(served(url));
     });
@@ -114,6 +118,14 @@ const readers = {
 
 const [augmented, base] = process.argv.slice(2);
 let failed = false;
+if (augmented.endsWith("lod-meta.json")) {
+    const [count] = JSON.parse(readFileSync(augmented)).counts;
+    const { leaves } = await inSpark(base);
+    const rows = await readers["@playcanvas/splat-transform"](augmented);
+    failed = rows.length !== count || leaves !== count;
+    console.log(`${failed ? "NOT ALL" : "all"} ${count} Gaussians: splat-transform ${rows.length}, Spark ${leaves} leaves`);
+    process.exit(failed ? 1 : 0);
+}
 for (const [name, read] of Object.entries(readers)) {
     // The others read PLY, or SPZ up to version 3.
     if (augmented.endsWith(".spz") && name !== "@playcanvas/splat-transform") continue;

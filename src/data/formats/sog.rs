@@ -23,6 +23,7 @@ mod codebook;
 mod files;
 mod first;
 mod palette;
+mod streamed;
 mod write;
 
 use std::path::Path;
@@ -30,16 +31,19 @@ use std::path::Path;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+pub(in crate::data) use streamed::write as write_streamed;
 pub(in crate::data) use write::write;
 
 use super::common::room;
 use super::{inflate, quantise};
-use crate::data::scene_file::SOG_META as META;
+use crate::data::scene_file::SOG_META;
 use crate::data::{SceneFile, TrainedWith};
 use crate::scene::Scene;
 use crate::{Error, Result};
 use files::Files;
 
+/// The description of an SOG scene.
+const META: &str = SOG_META[0];
 /// Entries in a row of the palette of harmonics.
 const PALETTE_ROW: usize = 64;
 /// Alpha of a rotation whose largest component is the first.
@@ -104,6 +108,7 @@ struct Version {
 /// Reads a scene. `bytes` are an archive, or a description with images in `folder`; `path` is only used in
 /// errors.
 pub(in crate::data) fn parse(bytes: &[u8], folder: Option<&Path>, path: &Path) -> Result<SceneFile> {
+    let read = if streamed::is_index(path) { streamed::read } else { read };
     read(bytes, folder).map_err(|what| Error::input(path, what))
 }
 

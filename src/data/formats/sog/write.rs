@@ -1,7 +1,7 @@
 //! Writes SOG archives.
 
 use std::collections::HashMap;
-use std::io::{Cursor, Write};
+use std::io::{self, Cursor, Write};
 use std::path::Path;
 
 use glam::DVec3;
@@ -15,7 +15,7 @@ use super::{Coded, FIRST_LARGEST, Images, META, Means, Meta, PALETTE_ROW, Palett
 use crate::data::formats::common::{name, put};
 use crate::data::formats::{order, quantise};
 use crate::data::{SceneFile, TrainedWith};
-use crate::scene::{Gaussians, Scene};
+use crate::scene::Gaussians;
 use crate::{Error, Result};
 
 /// Number of labels of 16 bits.
@@ -28,36 +28,51 @@ const LONGEST_SIDE: usize = 16383;
 /// # Errors
 /// [`Error::Usage`] if there are more Gaussians than pixels in the largest image.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
-    let Scene { base: gaussians, origin, .. } = &file.scene;
-    let sorted = gaussians.reordered(&order::along_curve(&gaussians.means));
-    let count = sorted.len();
-    // Nearly square, both sides multiples of four.
-    let width = ((count as f64).sqrt().ceil() as usize).next_multiple_of(4).max(4);
-    let height = count.div_ceil(width).next_multiple_of(4).max(4);
-    if width > LONGEST_SIDE {
-        let most = LONGEST_SIDE * LONGEST_SIDE;
-        return Err(Error::Usage(format!(
-            "{}: SOG holds no more than {most} Gaussians, and there are {count}",
-            name(path)
-        )));
+    let base = &file.scene.base;
+    let most = LONGEST_SIDE * LONGEST_SIDE;
+    if base.len() > most {
+        let (path, count) = (name(path), base.len());
+        return Err(Error::Usage(format!("{path}: SOG holds no more than {most} Gaussians, and there are {count}")));
     }
-    let mut archive = Archive { zip: ZipWriter::new(Cursor::new(Vec::new())), size: [width, height] };
-    let mut meta = archive.fill(&sorted).map_err(|error| Error::io(path, error))?;
-    meta.origin = Some(origin.to_array()).filter(|_| *origin != DVec3::ZERO);
-    (meta.antialias, meta.glint) = (file.trained_with.antialiased == Some(true), file.trained_with);
-    let text = serde_json::to_vec(&meta).map_err(|error| Error::io(path, error.into()))?;
-    put(path, &archive.finish(&text).map_err(|error| Error::io(path, error))?)?;
+    let fail = |error| Error::io(path, error);
+    let files = encode(&base.reordered(&order::along_curve(&base.means)), file).map_err(fail)?;
+    put(path, &archive(&files).map_err(fail)?)?;
     Ok(Vec::new())
 }
 
-struct Archive {
-    zip: ZipWriter<Cursor<Vec<u8>>>,
+/// The files of an SOG scene, each with its name: images, and their description last. Origin and settings are those of `file`.
+pub(super) fn encode(gaussians: &Gaussians, file: &SceneFile) -> io::Result<Vec<(String, Vec<u8>)>> {
+    // Nearly square, both sides multiples of four.
+    let width = ((gaussians.len() as f64).sqrt().ceil() as usize).next_multiple_of(4).max(4);
+    let height = gaussians.len().div_ceil(width).next_multiple_of(4).max(4);
+    let mut encoder = Encoder { files: Vec::new(), size: [width, height] };
+    let mut meta = encoder.fill(gaussians)?;
+    meta.origin = Some(file.scene.origin.to_array()).filter(|_| file.scene.origin != DVec3::ZERO);
+    (meta.antialias, meta.glint) = (file.trained_with.antialiased == Some(true), file.trained_with);
+    encoder.files.push((META.into(), serde_json::to_vec(&meta)?));
+    Ok(encoder.files)
+}
+
+/// An archive of uncompressed files: images are compressed already.
+fn archive(files: &[(String, Vec<u8>)]) -> io::Result<Vec<u8>> {
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    // Without a time stamp, so that equal scenes give equal files.
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    for (name, bytes) in files {
+        zip.start_file(name, options).map_err(io::Error::other)?;
+        zip.write_all(bytes)?;
+    }
+    Ok(zip.finish().map_err(io::Error::other)?.into_inner())
+}
+
+struct Encoder {
+    files: Vec<(String, Vec<u8>)>,
     /// Size of the images with one pixel per Gaussian.
     size: [usize; 2],
 }
 
-impl Archive {
-    fn fill(&mut self, gaussians: &Gaussians) -> std::io::Result<Meta> {
+impl Encoder {
+    fn fill(&mut self, gaussians: &Gaussians) -> io::Result<Meta> {
         let k = gaussians.sh_coefficients();
         let higher: Vec<[f32; 3]> = gaussians.sh.chunks_exact(k).flat_map(|row| row[1..].to_vec()).collect();
         Ok(Meta {
@@ -91,7 +106,7 @@ impl Archive {
         })
     }
 
-    fn means(&mut self, means: &[[f32; 3]]) -> std::io::Result<Means> {
+    fn means(&mut self, means: &[[f32; 3]]) -> io::Result<Means> {
         let log = |v: f32| f64::from(v).abs().ln_1p() * f64::from(v).signum();
         let logs: Vec<[f64; 3]> = means.iter().map(|mean| mean.map(log)).collect();
         let bound = |pick: fn(f64, f64) -> f64| {
@@ -115,7 +130,7 @@ impl Archive {
         Ok(Means { mins, maxs, files: vec![low, high] })
     }
 
-    fn harmonics(&mut self, higher: &[[f32; 3]], bands: u32) -> std::io::Result<Palette> {
+    fn harmonics(&mut self, higher: &[[f32; 3]], bands: u32) -> io::Result<Palette> {
         let each = (bands as usize + 1).pow(2) - 1;
         let rows = higher.as_flattened();
         // If there are no more Gaussians than labels, each has its own.
@@ -145,7 +160,7 @@ impl Archive {
     }
 
     /// Adds an image with one pixel per Gaussian.
-    fn pixels(&mut self, name: &str, pixels: impl Iterator<Item = [u8; 4]>) -> std::io::Result<String> {
+    fn pixels(&mut self, name: &str, pixels: impl Iterator<Item = [u8; 4]>) -> io::Result<String> {
         self.image(name, self.size, pixels)
     }
 
@@ -154,28 +169,15 @@ impl Archive {
         name: &str,
         [width, height]: [usize; 2],
         pixels: impl Iterator<Item = [u8; 4]>,
-    ) -> std::io::Result<String> {
+    ) -> io::Result<String> {
         let mut bytes: Vec<u8> = pixels.flatten().collect();
         bytes.resize(4 * width * height, 0);
         let mut encoded = Vec::new();
         WebPEncoder::new_lossless(&mut encoded)
             .encode(&bytes, width as u32, height as u32, ExtendedColorType::Rgba8)
-            .map_err(std::io::Error::other)?;
-        self.add(name, &encoded)?;
+            .map_err(io::Error::other)?;
+        self.files.push((name.into(), encoded));
         Ok(name.into())
-    }
-
-    /// Stores a file uncompressed: images are compressed already.
-    fn add(&mut self, name: &str, bytes: &[u8]) -> std::io::Result<()> {
-        // Without a time stamp, so that equal scenes give equal files.
-        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-        self.zip.start_file(name, options).map_err(std::io::Error::other)?;
-        self.zip.write_all(bytes)
-    }
-
-    fn finish(mut self, meta: &[u8]) -> std::io::Result<Vec<u8>> {
-        self.add(META, meta)?;
-        Ok(self.zip.finish().map_err(std::io::Error::other)?.into_inner())
     }
 }
 
