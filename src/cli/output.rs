@@ -14,6 +14,9 @@ use crate::{
     data::{Dataset, SceneFormat, sweep},
 };
 
+/// Why an input is not an output.
+const READ: &str = "this command reads it and never overwrites its inputs; expected another name";
+
 #[derive(Debug, Default, clap::Args)]
 pub(super) struct OutputArgs {
     /// Overwrite existing files, except files that the command reads
@@ -96,7 +99,13 @@ impl OutputArgs {
         let beside = folder.parent().filter(|beside| !beside.as_os_str().is_empty()).unwrap_or(Path::new("."));
         writable(beside)
             .map_err(|error| Error::input(path, format!("cannot be written: {}: {error}", beside.display())))?;
-        self.check_replaced(path, inputs)?;
+        // The input may be the folder, or one of the scenes in it.
+        let within = |path: PathBuf| fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+        let files = within(folder.into()).chain(within(folder.into()).flat_map(within)).chain([folder.into()]);
+        match files.filter_map(|file| Identity::of(&file)).find(|file| inputs.files.contains(file)) {
+            Some(_) => return Err(Error::input(folder, READ)),
+            None => self.check_replaced(path, inputs)?,
+        }
         clear(beside);
         Ok(())
     }
@@ -147,9 +156,7 @@ impl OutputArgs {
 
     fn check_replaced(&self, path: &Path, inputs: &Inputs) -> Result<()> {
         match Identity::of(path) {
-            Some(file) if inputs.files.contains(&file) => {
-                Err(Error::input(path, "this command reads it and never overwrites its inputs; expected another name"))
-            }
+            Some(file) if inputs.files.contains(&file) => Err(Error::input(path, READ)),
             Some(_) if !self.force => Err(Error::input(path, "already exists; --force overwrites it")),
             _ => Ok(()),
         }

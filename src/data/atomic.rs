@@ -58,7 +58,7 @@ pub(super) fn write_whole(
 }
 
 /// Lets `fill` write a temporary folder next to `folder`, then renames it to `folder`. If anything fails, nothing is left, and an older
-/// folder is untouched. It is replaced only if it holds nothing but names that are `own`.
+/// folder is untouched. It is replaced only if it holds nothing but names that are `own`. Links are followed.
 #[cfg(feature = "formats")]
 pub(super) fn replace_folder(
     folder: &Path,
@@ -66,6 +66,7 @@ pub(super) fn replace_folder(
     fill: impl FnOnce(&Path) -> io::Result<()>,
 ) -> Result<()> {
     let at = |source| Error::io(folder, source);
+    let target = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
     let entries = match fs::read_dir(folder) {
         Ok(entries) => Some(entries.collect::<io::Result<Vec<_>>>().map_err(at)?),
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
@@ -78,16 +79,16 @@ pub(super) fn replace_folder(
         let what = format!("has `{}`, which is not of such a scene; expected a folder of its own", other.display());
         return Err(Error::input(folder, what));
     }
-    let beside = || tempfile::Builder::new().prefix(PREFIX).tempdir_in(parent(folder)).map_err(at);
+    let beside = || tempfile::Builder::new().prefix(PREFIX).tempdir_in(parent(&target)).map_err(at);
     let new = beside()?;
     let scene = new.path().join("scene");
     fs::create_dir(&scene).map_err(at)?;
     fill(&scene).map_err(at)?;
     let old = beside()?;
     if entries.is_some() {
-        fs::rename(folder, old.path().join("old")).map_err(at)?;
+        fs::rename(&target, old.path().join("old")).map_err(at)?;
     }
-    fs::rename(&scene, folder).map_err(at)
+    fs::rename(&scene, &target).map_err(at)
 }
 
 /// The folder that `path` is in.

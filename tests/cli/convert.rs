@@ -100,6 +100,9 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
     assert!(!work.path("web/2_0").exists() && work.path("web/1_0/meta.json").is_file());
     assert_eq!(work.json("info web --json")["base"]["count"], 200);
     work.refused("convert base.ply web/lod-meta.json", &["web/lod-meta.json", "--force"]);
+    for input in ["web", "web/lod-meta.json", "web/1_0"] {
+        work.refused(&format!("convert {input} web/lod-meta.json --force"), &["web", "this command reads"]);
+    }
     work.ok("convert web b/lod-meta.json");
     work.refused("convert base.ply lod-meta.json", &["is a folder", "web/lod-meta.json"]);
     work.refused("convert base.ply v.sog --lod 3", &["v.sog", "--lod"]);

@@ -92,6 +92,14 @@ fn a_folder_is_replaced_as_a_whole_and_always_the_same() {
     assert_ne!(all(web), first);
     write(folder.path(), &sample(8, 300, 1), 2);
     assert_eq!(all(web), first);
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(web, folder.path().join("link")).unwrap();
+        write_scene_file(folder.path().join("link/lod-meta.json"), &sample(8, 10, 0).into()).unwrap();
+        assert!(fs::read_link(folder.path().join("link")).is_ok() && all(web).len() < first.len());
+        fs::remove_file(folder.path().join("link")).unwrap();
+        write(folder.path(), &sample(8, 300, 1), 2);
+    }
     fs::write(web.join("notes.txt"), "mine").unwrap();
     let refused = write_scene_file(&path, &sample(8, 10, 0).into()).unwrap_err().to_string();
     assert!(refused.contains("notes.txt"), "{refused}");
