@@ -331,32 +331,20 @@ fn a_view_recorded_into_the_callers_command_buffer_is_the_one_that_glint_renders
     let model = Model::upload(&context, &scene, 0).unwrap();
     let renderer = Renderer::new(&context, Needs::of(&model), &views, RenderOptions::default()).unwrap();
     let status = Buffer::<u32>::zeroed(&context, "status", status::WORDS).unwrap();
-    let before = context.counters();
-    let device = &application.device;
-    unsafe {
-        let pool_info = vk::CommandPoolCreateInfo::default().queue_family_index(application.queue_family);
-        let pool = device.create_command_pool(&pool_info, None).unwrap();
-        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-        let commands = device.allocate_command_buffers(&info).unwrap()[0];
-        device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()).unwrap();
+    let (before, mut kept) = (context.counters(), Kept::default());
+    run(&application, |commands| unsafe {
         assert!(matches!(Recorder::borrow(&context, commands, Kept::default()).submit(), Err(GpuError::NotOurs)));
         let mut recorder = Recorder::borrow(&context, commands, Kept::default());
         renderer.record(&mut recorder, &model, &views, 0, &Show::all(&model, [0.5; 3]), &status).unwrap();
-        let kept = recorder.finish();
-        assert!(!kept.is_empty());
-        device.end_command_buffer(commands).unwrap();
+        kept = recorder.finish();
         // Recording neither submitted nor waited; the application does that.
         assert_eq!(context.counters(), before);
-        let buffers = [commands];
-        let submit = [vk::SubmitInfo::default().command_buffers(&buffers)];
-        device.queue_submit(application.queue(), &submit, vk::Fence::null()).unwrap();
-        device.queue_wait_idle(application.queue()).unwrap();
-        device.destroy_command_pool(pool, None);
-    }
+    });
+    assert!(!kept.is_empty());
     let image = renderer.raster.buffers.image.download_range(0, camera.pixels() as usize).unwrap();
     let recorded: Vec<f32> = image.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
     assert_eq!(own, recorded);
-    drop((renderer, model, views, status, context));
+    drop((renderer, model, views, status, kept, context));
 }
 
 /// The caller keeps a cache from an earlier run. Its pipelines render the same bits, and are made faster if
@@ -435,14 +423,18 @@ fn the_callers_lock_is_held_at_every_submission() {
     assert!(matches!(buffer.download(), Err(GpuError::NotSubmitted)));
 }
 
+/// A plain scene with two grey photographs.
+fn small(context: &Context) -> (Scene, Views) {
+    let (camera, photo) = (random_camera(32, 24), vec![120u8; 3 * 32 * 24]);
+    let views = Views::upload(context, &[camera; 2], &[&photo[..]; 2]).unwrap();
+    (Scene { base: random_scene(3, 200, 0, 1).base, ..Default::default() }, views)
+}
+
 #[test]
 fn training_neither_submits_nor_waits_for_every_step() {
     let gpu = Gpu::new();
-    let camera = random_camera(32, 24);
-    let photo = vec![120u8; 3 * 32 * 24];
-    let views = Views::upload(&gpu, &[camera, camera], &[&photo, &photo]).unwrap();
-    let base = random_scene(3, 200, 0, 1).base;
-    let model = Model::upload(&gpu, &Scene { base, ..Default::default() }, 0).unwrap();
+    let (scene, views) = small(&gpu);
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
     let train = |iterations| {
         let before = gpu.counters();
         let options = BaseOptions { iterations, sh_degree: 1, ..Default::default() };
@@ -461,10 +453,7 @@ fn training_neither_submits_nor_waits_for_every_step() {
 #[test]
 fn steps_are_timed_all_through_a_run() {
     let gpu = Gpu::new();
-    let camera = random_camera(32, 24);
-    let photo = vec![120u8; 3 * 32 * 24];
-    let views = Views::upload(&gpu, &[camera], &[&photo]).unwrap();
-    let scene = Scene { base: random_scene(3, 200, 0, 1).base, ..Default::default() };
+    let (scene, views) = small(&gpu);
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     // 17 submissions of 16 steps; the first, the ninth and the seventeenth are timed.
     let options = BaseOptions { iterations: 17 * 16, sh_degree: 1, ..Default::default() };
@@ -604,10 +593,7 @@ fn handles_that_are_null_are_refused() {
 #[test]
 fn a_loop_that_is_ended_early_has_done_what_it_says() {
     let gpu = Gpu::new();
-    let camera = random_camera(32, 24);
-    let photo = vec![120u8; 3 * 32 * 24];
-    let views = Views::upload(&gpu, &[camera, camera], &[&photo, &photo]).unwrap();
-    let scene = Scene { base: random_scene(3, 200, 0, 1).base, ..Default::default() };
+    let (scene, views) = small(&gpu);
     let session = Session::new(&gpu);
     let options = BaseOptions { iterations: 320, sh_degree: 1, ..Default::default() };
     let whole = Model::upload(&gpu, &scene, 0).unwrap();

@@ -12,6 +12,8 @@ use std::{
 };
 
 use glint::data::{check_file, file_kinds};
+use rand::{RngExt, SeedableRng, seq::IndexedMutRandom};
+use rand_chacha::ChaCha8Rng;
 
 /// Counts the bytes held by a thread, so that parallel tests do not interfere.
 struct Counting;
@@ -67,6 +69,8 @@ const FIXED_BYTES: usize = 64 << 10;
 /// A pixel of 16-bit RGBA is decoded to 8 bytes, becomes 16 as floats, 12 over the background and 3 in the
 /// end. The files here have few pixels, or claim more than they hold.
 const IMAGE_BYTES: usize = 1 << 20;
+/// A damaged image may claim many more pixels. The decoder's own limit is 2 GiB.
+const DAMAGED_IMAGE_BYTES: usize = 2 << 30;
 /// A compressed scene may inflate to 256 times its file plus a megabyte (SOG's images one by one: four times
 /// the part being read). Then it becomes numbers: 9 bytes of a position in SPZ become 12, a byte of opacity
 /// 4, one of a harmonic 4.
@@ -76,9 +80,12 @@ const INFLATED_FIXED: usize = 8 << 20;
 /// work on a megabyte would take minutes.
 const MOMENT: Duration = Duration::from_secs(5);
 
+/// Damaged copies of each file.
+const COPIES: usize = 200;
+
 /// Returns the error's text, if there was an error.
 #[track_caller]
-fn replay(kind: &str, name: &str, bytes: &[u8]) -> Option<String> {
+fn replay(kind: &str, name: &str, bytes: &[u8], image_bytes: usize) -> Option<String> {
     let path = Path::new(name);
     let before = HELD.get();
     PEAK.set(before);
@@ -87,7 +94,7 @@ fn replay(kind: &str, name: &str, bytes: &[u8]) -> Option<String> {
     let (took, peak) = (begin.elapsed(), (PEAK.get() - before) as usize);
     let message = result.unwrap_or_else(|_| panic!("{name}: the reader panicked")).err();
     let (each, more) = match kind {
-        "image" => (BYTES_PER_BYTE, IMAGE_BYTES),
+        "image" => (BYTES_PER_BYTE, image_bytes),
         "spz" | "sog" | "glb" => (INFLATED_BYTES_PER_BYTE, INFLATED_FIXED),
         _ => (BYTES_PER_BYTE, 0),
     };
@@ -103,6 +110,19 @@ fn replay(kind: &str, name: &str, bytes: &[u8]) -> Option<String> {
     message
 }
 
+/// A copy with up to five bytes changed; half of all copies end early.
+fn damaged(bytes: &[u8], random: &mut ChaCha8Rng) -> Vec<u8> {
+    let mut copy = bytes.to_vec();
+    for _ in 0..random.random_range(0..6) {
+        if let Some(byte) = copy.choose_mut(random) {
+            *byte = random.random();
+        }
+    }
+    copy.truncate(random.random_range(0..=2 * bytes.len()));
+    copy
+}
+
+/// Every file as it is, and damaged copies of it.
 #[test]
 fn no_file_of_the_corpus_breaks_its_reader() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
@@ -112,6 +132,7 @@ fn no_file_of_the_corpus_breaks_its_reader() {
     folders.sort();
     kinds.sort();
     assert_eq!(folders, kinds, "every kind of file has a folder");
+    let mut random = ChaCha8Rng::seed_from_u64(1);
     let targets = fs::read_to_string(corpus.with_file_name("Cargo.toml")).unwrap();
     for folder in kinds {
         assert!(targets.contains(&format!("name = \"{folder}\"")), "{folder} has no target in fuzz/Cargo.toml");
@@ -119,8 +140,13 @@ fn no_file_of_the_corpus_breaks_its_reader() {
         for entry in fs::read_dir(corpus.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             let name = format!("{folder}/{}", path.file_name().unwrap().display());
-            sound += replay(folder, &name, &fs::read(path).unwrap()).is_none() as usize;
+            let bytes = fs::read(path).unwrap();
+            sound += replay(folder, &name, &bytes, IMAGE_BYTES).is_none() as usize;
             files += 1;
+            for copy in 0..COPIES {
+                let name = format!("{name}, copy {copy}");
+                replay(folder, &name, &damaged(&bytes, &mut random), DAMAGED_IMAGE_BYTES);
+            }
         }
         assert!(sound > 0 && sound < files, "{folder}: {sound} of {files} files are sound; both sorts are wanted");
     }
@@ -187,11 +213,11 @@ fn long_files_take_no_longer_than_their_length() {
         ),
     ];
     for (name, kind, text) in cases {
-        replay(kind, name, text.as_bytes());
+        replay(kind, name, text.as_bytes(), IMAGE_BYTES);
     }
     let tensors: Vec<String> =
         (0..8_000).map(|i| format!("\"t{i}\":{{\"dtype\":\"F32\",\"shape\":[0],\"data_offsets\":[0,0]}}")).collect();
     let header = format!("{{{}}}", tensors.join(","));
     let bytes = [&(header.len() as u64).to_le_bytes()[..], header.as_bytes()].concat();
-    assert_eq!(replay("safetensors", "tensors", &bytes), None);
+    assert_eq!(replay("safetensors", "tensors", &bytes, IMAGE_BYTES), None);
 }

@@ -4,15 +4,16 @@ mod common;
 
 use common::{Gpu, assert_no_breach};
 use glint::{
-    gpu::{Buffer, Context, GpuError},
-    pipelines::sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
+    gpu::{Buffer, Context},
+    pipelines::sort::{Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference,
     stages::{
         blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
         constants::status::NO_RESOURCE,
         dispatch_args,
-        status::{self, Resource, Status},
+        status::Status,
     },
+    verify::sort::{Counted, ITEMS, RESOURCE, RESULT, noise},
 };
 
 const NO_KEY: u32 = u32::MAX;
@@ -22,47 +23,6 @@ const SIZES: [u32; 8] = [0, 1, 7, 1023, 1024, 1025, 8 * 1024 + 1, 30_000];
 
 fn upload(context: &Context, name: &str, data: &[u32]) -> Buffer<u32> {
     Buffer::from_slice(context, name, data).unwrap()
-}
-
-fn noise(i: u32) -> u32 {
-    let x = (i ^ i >> 16).wrapping_mul(0x7feb_352d);
-    (x ^ x >> 15).wrapping_mul(0x846c_a68b)
-}
-
-/// Resource that the count stands for.
-const RESOURCE: Resource = Resource::BaseGaussians;
-/// Words of the count buffer of these tests.
-const ITEMS: u32 = 0;
-const RESULT: u32 = 1;
-
-struct Counted {
-    count: Buffer<u32>,
-    args: Buffer<u32>,
-    status: Buffer<u32>,
-    stage: dispatch_args::Stage,
-}
-
-impl Counted {
-    fn new(context: &Context, items: u32) -> Result<Self, GpuError> {
-        Ok(Counted {
-            count: upload(context, "count", &[items, 12345]),
-            args: Buffer::zeroed(context, "args", 6)?,
-            status: Buffer::zeroed(context, "status", status::WORDS)?,
-            stage: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
-        })
-    }
-
-    /// Limits the items to `capacity`; the dispatch is the second.
-    fn record(&self, recorder: &mut glint::gpu::Recorder, capacity: u32, items_per_group: u32) {
-        let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status: &self.status };
-        let resource_index = RESOURCE.index();
-        let push = dispatch_args::Push { count_index: ITEMS, capacity, items_per_group, args_index: 3, resource_index };
-        self.stage.record(recorder, &buffers, &push, 1);
-    }
-
-    fn extent(&self) -> Extent<'_> {
-        Extent { count: &self.count, index: ITEMS, args: &self.args, dispatch: 1 }
-    }
 }
 
 #[test]

@@ -45,8 +45,6 @@ fn is_image_extension(end: &str) -> bool {
 mod tests {
     use std::sync::Arc;
 
-    use glam::{DMat3, DVec3};
-
     use super::*;
     use crate::{
         data::{Image, PixelSource, Split},
@@ -54,16 +52,7 @@ mod tests {
     };
 
     fn names(photos: &[&str]) -> Vec<String> {
-        let camera = Camera {
-            width: 1,
-            height: 1,
-            fx: 1.0,
-            fy: 1.0,
-            cx: 0.5,
-            cy: 0.5,
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::ZERO,
-        };
+        let camera = Camera::new(1, 1, 1.0);
         let pixels = PixelSource::Memory(Arc::new(Image { width: 1, height: 1, rgb: vec![0; 3], mask: None }));
         let photo = |name: &&str| Photo { name: (*name).into(), camera, split: Split::Test, pixels: pixels.clone() };
         stems(&photos.iter().map(photo).collect::<Vec<_>>())

@@ -174,17 +174,7 @@ fn look_at(eye: DVec3) -> Camera {
     let forward = (TARGET - eye).normalize();
     let right = forward.cross(DVec3::Z).normalize();
     let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
-    let centre = 0.5 * SIZE as f64;
-    Camera {
-        width: SIZE,
-        height: SIZE,
-        fx: FOCAL,
-        fy: FOCAL,
-        cx: centre,
-        cy: centre,
-        rotation,
-        translation: -(rotation * eye),
-    }
+    Camera { rotation, translation: -(rotation * eye), ..Camera::new(SIZE, SIZE, FOCAL) }
 }
 
 /// Unit vector at an azimuth (0 toward the cameras, −y; growing toward +x) and an elevation, both in degrees.

@@ -168,8 +168,6 @@ fn at_once(bytes: impl Iterator<Item = u64>) -> usize {
 mod tests {
     use std::sync::Arc;
 
-    use glam::{DMat3, DVec3};
-
     use super::super::{photo::Split, reduce::Reduce};
     use super::*;
     use crate::scene::Camera;
@@ -313,16 +311,7 @@ mod tests {
 
     #[test]
     fn images_in_memory_must_fit_their_camera() {
-        let camera = Camera {
-            width: 2,
-            height: 1,
-            fx: 1.0,
-            fy: 1.0,
-            cx: 1.0,
-            cy: 0.5,
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::ZERO,
-        };
+        let camera = Camera::new(2, 1, 1.0);
         let photo = |rgb: Vec<u8>, mask| Photo {
             name: "a".into(),
             camera,

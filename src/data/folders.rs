@@ -133,17 +133,7 @@ pub(super) fn masks(photos: &Path) -> Option<Finder> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
-    fn folder(files: &[&str]) -> tempfile::TempDir {
-        let folder = tempfile::tempdir().unwrap();
-        for file in files {
-            let path = folder.path().join(file);
-            fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, "").unwrap();
-        }
-        folder
-    }
+    use super::{super::names::tests::folder, *};
 
     fn found(files: &[&str], model: Option<&str>) -> Result<Option<(String, bool, Vec<String>)>> {
         let folder = folder(files);

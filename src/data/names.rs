@@ -234,10 +234,11 @@ fn list(root: &Path) -> Listing {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn folder(names: &[&str]) -> tempfile::TempDir {
+    /// A folder of empty files.
+    pub fn folder(names: &[&str]) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         for name in names {
             let path = folder.path().join(name);
@@ -287,20 +288,6 @@ mod tests {
             assert_eq!(find(name), None, "{name}");
         }
         assert_eq!(find("x.txt"), Some(("x.txt".into(), false)));
-    }
-
-    #[test]
-    fn a_letter_and_its_accent_may_be_written_apart() {
-        let (composed, apart) = ("S\u{e4}ule \u{dc}ber.png", "Sa\u{308}ule U\u{308}ber.png");
-        for [there, listed] in [[composed, apart], [apart, composed]] {
-            let folder = folder(&[&format!("\u{dc}/{there}"), &format!("{there}.png"), "plain.png"]);
-            let finder = Finder::new(folder.path());
-            let file = folder.path().join(format!("\u{dc}/{there}"));
-            assert_eq!(finder.find(&format!("U\u{308}/{listed}")), Some((file.clone(), true)));
-            // Spelled exactly, so not respelled.
-            assert_eq!(finder.find(&format!("\u{dc}/{there}")), Some((file, false)));
-            assert_eq!(finder.find_mask(listed), Some(folder.path().join(format!("{there}.png"))));
-        }
     }
 
     #[test]

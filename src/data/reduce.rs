@@ -217,19 +217,6 @@ mod tests {
         }
     }
 
-    /// At half the size, the taps are a quarter, three quarters, … of a cell from the middle: the cubic
-    /// there, by hand, over 2.
-    #[test]
-    fn halving_by_bicubic_has_eight_known_taps() {
-        let taps = [-0.01171875, -0.03515625, 0.11328125, 0.43359375, 0.43359375, 0.11328125, -0.03515625, -0.01171875];
-        for (i, tap) in taps.into_iter().enumerate() {
-            // The middle of the fourth of eight is at 7: pixels 3 to 10 are within two cells.
-            let mut pixels = [[0.0; 4]; 16];
-            pixels[3 + i][0] = 1.0;
-            assert_eq!(reduce_by(Reduce::Bicubic, &pixels, [16, 1], [8, 1])[3][0], tap, "tap {i}");
-        }
-    }
-
     /// A negative weight must not make up for a masked pixel.
     #[test]
     fn a_pixel_that_does_not_count_is_missed_under_negative_weights_too() {

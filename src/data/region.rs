@@ -285,16 +285,7 @@ mod tests {
         let z = (at - eye).normalize();
         let x = z.cross(if z.y.abs() > 0.9 { DVec3::X } else { -DVec3::Y }).normalize();
         let rotation = DMat3::from_cols(x, z.cross(x), z).transpose();
-        Camera {
-            width: 40,
-            height: 30,
-            fx: 35.0,
-            fy: 35.0,
-            cx: 20.0,
-            cy: 15.0,
-            rotation,
-            translation: -(rotation * eye),
-        }
+        Camera { rotation, translation: -(rotation * eye), ..Camera::new(40, 30, 35.0) }
     }
 
     fn dataset(cameras: Vec<Camera>) -> Dataset {

@@ -448,7 +448,6 @@ fn pose(matrix: &Value) -> Result<(DMat3, DVec3), String> {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
     use serde_json::json;
 
     use super::*;
@@ -796,25 +795,5 @@ mod tests {
         let (found, notes) = read(&["masks/c0/a.png", "masks/c1/a.png.png"]);
         assert_eq!(found, [Some("masks/c0/a.png".into()), Some("masks/c1/a.png.png".into()), None, None]);
         assert_eq!(notes, "");
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(1000))]
-        #[test]
-        fn no_damage_makes_the_reader_panic(cut in 0.0..2.0f64, flips in prop::collection::vec((0.0..1.0f64, any::<u8>()), 0..4)) {
-            let frame = json!({"file_path": "a.png", "transform_matrix": UPRIGHT, "k1": 0.5});
-            let mut bytes = json!({"fl_x": 9.0, "w": 64, "h": 48, "frames": [frame]}).to_string().into_bytes();
-            for (at, value) in &flips {
-                let at = (at * bytes.len() as f64) as usize;
-                bytes[at] ^= value;
-            }
-            bytes.truncate((cut * bytes.len() as f64) as usize);
-            if let Ok(file) = parse(&bytes, Path::new("t.json")) {
-                for frame in &file.frames {
-                    let _ = super::pose(&frame.transform_matrix);
-                    let _ = source_camera(&frame.camera, &file.camera).and_then(|camera| camera.for_image([64, 48]));
-                }
-            }
-        }
     }
 }

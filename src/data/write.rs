@@ -131,14 +131,6 @@ mod tests {
     }
 
     #[test]
-    fn text_is_in_its_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.txt");
-        write_text(&path, "äb\n").unwrap();
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "äb\n");
-    }
-
-    #[test]
     fn png_comes_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");

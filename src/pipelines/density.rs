@@ -44,6 +44,24 @@ pub enum Strategy {
 }
 
 impl Strategy {
+    /// All strategies.
+    pub const ALL: [Strategy; 4] = [Strategy::Fixed, Strategy::Mcmc, Strategy::Adc, Strategy::Budget];
+
+    /// The strategy's number in the kernels; none if it never refines.
+    pub fn kernel(self) -> Option<u32> {
+        match self {
+            Strategy::Fixed => None,
+            Strategy::Mcmc => Some(MCMC),
+            Strategy::Adc => Some(ADC),
+            Strategy::Budget => Some(BUDGET),
+        }
+    }
+
+    /// Whether it starts from few Gaussians and adds others where errors are large.
+    pub fn follows_errors(self) -> bool {
+        self == Strategy::Budget
+    }
+
     /// Whether steps are Newton's; the published strategies use Adam's.
     pub fn is_newton(self) -> bool {
         matches!(self, Strategy::Fixed | Strategy::Budget)
@@ -162,7 +180,7 @@ impl DensityOptions {
 
     /// The refinements after step `step` (from 0), in order.
     fn events(&self, step: u32) -> Vec<Event> {
-        if self.strategy == Strategy::Fixed || !(step + 1).is_multiple_of(self.interval()) {
+        if !(step + 1).is_multiple_of(self.interval()) {
             return Vec::new();
         }
         let (t, [begin, _, end]) = (self.part(step + 1), BUDGET_SPAN);
@@ -308,11 +326,7 @@ impl Density {
             return Err(Error::Usage(format!("the base has room for {} Gaussians, not for {limit}", part.capacity())));
         }
         let workgroup_size = context.info().workgroup(WORKGROUP);
-        let strategy = match options.strategy {
-            Strategy::Fixed | Strategy::Mcmc => MCMC,
-            Strategy::Adc => ADC,
-            Strategy::Budget => BUDGET,
-        };
+        let strategy = options.strategy.kernel().unwrap_or(MCMC);
         let replacement = strategy == MCMC;
         let packed = session.policy.packed;
         let Between { quads, words } = raster.between_frames()?;
@@ -376,7 +390,7 @@ impl Density {
         }
         let ScoredView { model, views, view, raster, grid, batch, status } = *seen;
         let camera = &views.cameras[view as usize];
-        if self.options.strategy == Strategy::Budget {
+        if self.options.strategy.follows_errors() {
             self.stages.image.record(
                 recorder,
                 &density_image::Buffers {

@@ -492,22 +492,11 @@ fn lift_views(cameras: &[Camera], batch: &Range<usize>) -> (Vec<View>, Vec<u32>)
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DVec3};
-
     use super::*;
 
     #[test]
     fn a_batchs_views_come_first_with_their_pixels_and_others_behind() {
-        let camera = |width, fx| Camera {
-            width,
-            height: 2,
-            fx,
-            fy: 9.0,
-            cx: 4.0,
-            cy: 1.0,
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::ZERO,
-        };
+        let camera = |width, fx| Camera { fx, ..Camera::new(width, 2, 9.0) };
         let cameras: Vec<Camera> = (0..5).map(|v| camera(10 + v, f64::from(v))).collect();
         let (list, train) = lift_views(&cameras, &(1..4));
         assert_eq!(train, [3, 0, 1, 2, 4]);

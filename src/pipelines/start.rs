@@ -191,7 +191,7 @@ pub fn photos_of(dataset: &Dataset, split: Option<Split>) -> Result<Vec<&Photo>>
 mod tests {
     use std::sync::Arc;
 
-    use glam::{DMat3, DVec3};
+    use glam::DVec3;
 
     use super::*;
     use crate::data::{Image, PixelSource};
@@ -199,16 +199,7 @@ mod tests {
     fn dataset(points: Option<usize>) -> Dataset {
         let photo = |name: &str, split, width| Photo {
             name: name.into(),
-            camera: Camera {
-                width,
-                height: 4,
-                fx: 5.0,
-                fy: 5.0,
-                cx: 2.0,
-                cy: 2.0,
-                rotation: DMat3::IDENTITY,
-                translation: DVec3::Z,
-            },
+            camera: Camera { cx: 2.0, translation: DVec3::Z, ..Camera::new(width, 4, 5.0) },
             split,
             pixels: PixelSource::Memory(Arc::new(Image {
                 width,

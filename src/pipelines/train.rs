@@ -616,9 +616,9 @@ pub fn dense_trainer(
     let lesson = Lesson { compensate, packed, newton, ..Lesson::new(Segment::Base) };
     let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
-    if density.strategy != Strategy::Fixed {
+    if density.strategy.kernel().is_some() {
         trainer.work.density = Some(Density::new(session, model, trainer.raster(), density)?);
-        if density.strategy == Strategy::Budget {
+        if density.strategy.follows_errors() {
             trainer.work.renderer.raster.make_scores()?;
         }
         trainer.let_counts_vary();

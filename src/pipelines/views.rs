@@ -217,22 +217,11 @@ pub fn view(camera: &Camera, pixel_first: u32) -> View {
 
 #[cfg(test)]
 mod tests {
-    use glam::DMat3;
-
     use super::*;
 
     #[test]
     fn far_cameras_are_counted_from_their_middle() {
-        let at = |eye: DVec3| Camera {
-            width: 8,
-            height: 8,
-            fx: 9.0,
-            fy: 9.0,
-            cx: 4.0,
-            cy: 4.0,
-            rotation: DMat3::IDENTITY,
-            translation: -eye,
-        };
+        let at = |eye: DVec3| Camera { translation: -eye, ..Camera::new(8, 8, 9.0) };
         let middle = DVec3::new(6e5, -2e5, 40.0);
         let around = |middle: DVec3| [at(middle + DVec3::X), at(middle - DVec3::X), at(middle)];
         assert!(origin_for(&around(middle)).distance(middle) < 1e-6);

@@ -178,13 +178,10 @@ pub fn lift_count(gaussians: &ScreenGaussians) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DMat3, DVec3};
     use proptest::prelude::*;
 
     fn camera(width: u32, height: u32) -> Camera {
-        let (fx, fy) = (60.0, 60.0);
-        let (cx, cy) = (width as f64 / 2.0, height as f64 / 2.0);
-        Camera { width, height, fx, fy, cx, cy, rotation: DMat3::IDENTITY, translation: DVec3::ZERO }
+        Camera::new(width, height, 60.0)
     }
 
     proptest! {

@@ -68,20 +68,11 @@ mod tests {
     use super::super::lift_count::lift_count;
     use super::*;
     use crate::scene::Camera;
-    use glam::{DMat3, DVec3};
+    use glam::DVec3;
 
     #[test]
     fn points_project_to_their_pixels_in_order_and_the_heaviest_is_the_first_of_the_best() {
-        let camera = Camera {
-            width: 20,
-            height: 16,
-            fx: 30.0,
-            fy: 32.0,
-            cx: 9.0,
-            cy: 8.5,
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::ZERO,
-        };
+        let camera = Camera { fy: 32.0, cx: 9.0, cy: 8.5, ..Camera::new(20, 16, 30.0) };
         let depths: Vec<f64> = (0..320).map(|i| if i % 7 == 3 { 0.0 } else { 2.0 + (i % 5) as f64 }).collect();
         // Centre on a pixel corner: four pixels tie.
         let plane = [10.0, 8.0, 0.5, 0.5, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0];

@@ -27,7 +27,7 @@ pub fn pursuit_gain(ground: &Ground<'_>, explained: &[u32], c: &Candidate, fit: 
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DVec2, DVec3};
+    use glam::{DVec2, DVec3};
 
     use super::*;
     use crate::{
@@ -50,9 +50,7 @@ mod tests {
     fn scene() -> (Vec<View>, Vec<Plot>, Candidate) {
         let view = |v: u32| {
             let translation = DVec3::new(-0.1 * f64::from(v), 0.0, 0.0);
-            let (fx, c) = (20.0, f64::from(SIZE) / 2.0);
-            let rotation = DMat3::IDENTITY;
-            View::from_camera(&Camera { width: SIZE, height: SIZE, fx, fy: fx, cx: c, cy: c, rotation, translation })
+            View::from_camera(&Camera { translation, ..Camera::new(SIZE, SIZE, 20.0) })
         };
         let plot = |v| Plot { texel_first: v * TEXELS, pixel_first: v * SIZE * SIZE, cell_first: 0, block_first: 0 };
         let mean = DVec3::new(0.05, 0.05, 2.0);
@@ -147,17 +145,7 @@ mod tests {
     fn a_gain_is_the_fall_of_the_squared_error() {
         const SIDE: u32 = 64;
         let (f, middle) = (40.0, f64::from(SIDE) / 2.0);
-        let (rotation, translation) = (DMat3::IDENTITY, DVec3::ZERO);
-        let view = View::from_camera(&Camera {
-            width: SIDE,
-            height: SIDE,
-            fx: f,
-            fy: f,
-            cx: middle,
-            cy: middle,
-            rotation,
-            translation,
-        });
+        let view = View::from_camera(&Camera::new(SIDE, SIDE, f));
         let depth = 2.0;
         // A checkerboard of light and dark pixels, with a residual that depends on it.
         let board = |i: u32| if (i % SIDE + i / SIDE).is_multiple_of(2) { 1.0 } else { -1.0 };

@@ -239,27 +239,11 @@ mod tests {
     }
 
     #[test]
-    fn constant_images_have_closed_forms() {
-        let (width, height) = (31usize, 17usize);
-        let (a, b) = (0.5f64, 51.0 / 255.0);
-        let (image, reference) = (vec![a as f32; width * height * 3], vec![51u8; width * height * 3]);
-        let pair =
-            Pair { image: &image, reference: &reference, width: width as u32, height: height as u32, mask: None };
+    fn an_even_error_has_its_psnr() {
+        let (image, reference) = ([0.5f32; 12], [51u8; 12]);
+        let pair = Pair { image: &image, reference: &reference, width: 2, height: 2, mask: None };
         // Error 0.3 everywhere: −20 log₁₀ 0.3.
         assert!((psnr(&pair).unwrap() - 10.457574905606752).abs() < 1e-9);
-        // If s is the window's mass inside the image, means are s·a and s·b, second moments s·a² and so on.
-        let w = weights();
-        let mass = |x: usize, n: usize| (0..n).filter(|k| k.abs_diff(x) <= 5).map(|k| w[k + 5 - x]).sum::<f64>();
-        let mut sum = 0.0;
-        for y in 0..height {
-            for x in 0..width {
-                let s = mass(x, width) * mass(y, height);
-                let (q, v) = (s * s, s - s * s);
-                let (plus, times) = (a * a + b * b, 2.0 * a * b);
-                sum += (q * times + C1) * (v * times + C2) / ((q * plus + C1) * (v * plus + C2));
-            }
-        }
-        assert!((ssim(&pair).unwrap() - sum / (width * height) as f64).abs() < 1e-12);
     }
 
     #[test]

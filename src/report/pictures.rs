@@ -98,8 +98,6 @@ pub fn data_of(picture: &RgbImage) -> Result<String> {
 mod tests {
     use std::sync::Arc;
 
-    use glam::{DMat3, DVec3};
-
     use super::*;
     use crate::{
         data::{Photo, PixelSource, Split, srgb::linear_from_srgb},
@@ -135,16 +133,7 @@ mod tests {
         let rendered =
             |color: Vec<f32>| Rendered { width: 2, height: 1, color, transmittance: vec![0.0; 2], depth: Vec::new() };
         let (base, whole) = (rendered(vec![1.0; 6]), rendered(vec![0.5, 2.0, -1.0, 0.5, 0.5, 0.5]));
-        let camera = Camera {
-            width: 2,
-            height: 1,
-            fx: 1.0,
-            fy: 1.0,
-            cx: 1.0,
-            cy: 0.5,
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::ZERO,
-        };
+        let camera = Camera::new(2, 1, 1.0);
         let pixels = PixelSource::Memory(Arc::new(truth.clone()));
         let photo = Photo { name: "a".into(), camera, split: Split::Test, pixels };
         let quality = Quality { psnr: 20.0, ssim: 0.5 };

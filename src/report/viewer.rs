@@ -8,7 +8,7 @@
 mod pack;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use serde::Serialize;
 
 use self::pack::{Packed, bytes_of};
@@ -286,8 +286,7 @@ fn overview(scene: &Scene) -> Camera {
     let half = 25f64.to_radians();
     let focal = f64::from(height) / 2.0 / half.tan();
     let eye = middle - DVec3::Z * (radius / half.sin());
-    let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
-    Camera { width, height, fx: focal, fy: focal, cx, cy, rotation: DMat3::IDENTITY, translation: -eye }
+    Camera { translation: -eye, ..Camera::new(width, height, focal) }
 }
 
 #[cfg(test)]

@@ -24,6 +24,12 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// A camera at the origin that looks along z, with square pixels and its principal point in the middle.
+    pub const fn new(width: u32, height: u32, focal: f64) -> Camera {
+        let (cx, cy) = (width as f64 / 2.0, height as f64 / 2.0);
+        Camera { width, height, fx: focal, fy: focal, cx, cy, rotation: DMat3::IDENTITY, translation: DVec3::ZERO }
+    }
+
     /// The camera's centre in world space.
     pub fn eye(&self) -> DVec3 {
         -(self.rotation.transpose() * self.translation)

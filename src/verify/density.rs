@@ -4,11 +4,12 @@ use super::{Bench, sort::noise};
 use crate::{
     error::Result,
     gpu::Buffer,
+    pipelines::density::Strategy,
     reference::{Params, packed_record::pack_record, random_scene},
     scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, OPACITY, quads, sh_planes},
     stages::{
         WORKGROUP,
-        constants::density::{ADC, BLUE, BUDGET, ERRORS, MCMC, RED_GREEN, SCORES, WORDS},
+        constants::density::{BLUE, BUDGET, ERRORS, MCMC, RED_GREEN, SCORES, WORDS},
         density_apply, density_draw, density_image, density_noise, density_place, density_plan, density_score,
         density_weigh,
         status::{self, Resource, Status},
@@ -16,7 +17,6 @@ use crate::{
     },
 };
 
-const STRATEGIES: [u32; 3] = [MCMC, ADC, BUDGET];
 const SEED: u32 = 77;
 const STEP: u32 = 5;
 /// Offset of the page in its segment, and of the segment in the Gaussian index.
@@ -30,7 +30,8 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     for (pulls, packed) in [(false, false), (true, false), (false, true), (true, true)] {
         score(bench, &page, pulls, packed)?;
     }
-    for strategy in STRATEGIES {
+    let strategies = || Strategy::ALL.into_iter().filter_map(Strategy::kernel);
+    for strategy in strategies() {
         weigh(bench, &page, strategy)?;
     }
     plan(bench)?;
@@ -38,7 +39,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
         draw(bench, count, replacement)?;
     }
     place(bench, count)?;
-    for strategy in STRATEGIES {
+    for strategy in strategies() {
         apply(bench, &page, strategy, 2)?;
     }
     // With packed moments.

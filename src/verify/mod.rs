@@ -15,7 +15,7 @@ mod raster;
 mod rates;
 pub mod screen;
 mod shadow;
-mod sort;
+pub mod sort;
 pub mod task;
 mod work;
 

@@ -3,7 +3,7 @@
 use super::Bench;
 use crate::{
     error::Result,
-    gpu::{Buffer, Recorder},
+    gpu::{Buffer, Context, GpuError, Recorder},
     pipelines::sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     reference::radix_upsweep::NO_KEY,
     stages::{
@@ -38,58 +38,59 @@ pub(super) fn check(bench: &Bench<'_>) -> Result<()> {
     radix(bench, items, 12, Input::Keys)
 }
 
-pub(super) fn noise(i: u32) -> u32 {
+/// A number for each i, without a pattern.
+pub fn noise(i: u32) -> u32 {
     let x = (i ^ i >> 16).wrapping_mul(0x7feb_352d);
     (x ^ x >> 15).wrapping_mul(0x846c_a68b)
 }
 
 /// Resource to report if a count is too large.
-const RESOURCE: Resource = Resource::Intersections;
-/// Words of the count buffer.
-const ITEMS: u32 = 0;
-const RESULT: u32 = 1;
+pub const RESOURCE: Resource = Resource::Intersections;
+/// Word of a count's buffer for the number of items.
+pub const ITEMS: u32 = 0;
+/// Word of a count's buffer for the result of a sort or scan.
+pub const RESULT: u32 = 1;
 
-/// A number of items on the device, with its dispatch.
-struct Counted {
-    count: Buffer<u32>,
-    args: Buffer<u32>,
-    status: Buffer<u32>,
-    stage: dispatch_args::Stage,
-    per_group: u32,
+/// A number of items on the device, with its dispatch, the second of two.
+pub struct Counted {
+    /// Number of items, and 12345 until there is a result.
+    pub count: Buffer<u32>,
+    /// Dispatches.
+    pub args: Buffer<u32>,
+    /// See `stages::status`.
+    pub status: Buffer<u32>,
+    /// Stage that limits the items and computes the dispatch.
+    pub stage: dispatch_args::Stage,
 }
 
 impl Counted {
-    fn new(bench: &Bench<'_>, items: u32) -> Result<Self> {
-        let context = &bench.shadowed;
+    /// Uploads the number.
+    pub fn new(context: &Context, items: u32) -> Result<Self, GpuError> {
         Ok(Counted {
-            count: Buffer::from_slice(context, "count", &[items, 0])?,
-            args: Buffer::zeroed(context, "args", 3)?,
+            count: Buffer::from_slice(context, "count", &[items, 12345])?,
+            args: Buffer::zeroed(context, "args", 6)?,
             status: Buffer::zeroed(context, "status", status::WORDS)?,
             stage: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
-            per_group: items_per_group(context.info()),
         })
     }
 
-    fn record(&self, recorder: &mut Recorder, capacity: u32) {
+    /// Limits the items to `capacity`.
+    pub fn record(&self, recorder: &mut Recorder, capacity: u32, items_per_group: u32) {
         let buffers = dispatch_args::Buffers { count: &self.count, dispatch_args: &self.args, status: &self.status };
-        let push = dispatch_args::Push {
-            count_index: ITEMS,
-            capacity,
-            items_per_group: self.per_group,
-            args_index: 0,
-            resource_index: RESOURCE.index(),
-        };
+        let resource_index = RESOURCE.index();
+        let push = dispatch_args::Push { count_index: ITEMS, capacity, items_per_group, args_index: 3, resource_index };
         self.stage.record(recorder, &buffers, &push, 1);
     }
 
-    fn extent(&self) -> Extent<'_> {
-        Extent { count: &self.count, index: ITEMS, args: &self.args, dispatch: 0 }
+    /// The items as input of a sort or scan.
+    pub fn extent(&self) -> Extent<'_> {
+        Extent { count: &self.count, index: ITEMS, args: &self.args, dispatch: 1 }
     }
 }
 
 fn scan(bench: &Bench<'_>, items: u32, gather: bool) -> Result<()> {
     let context = &bench.shadowed;
-    let counted = Counted::new(bench, items)?;
+    let counted = Counted::new(context, items)?;
     // The total exceeds 2^32 in the last part, so a scan must saturate.
     let values: Vec<u32> = (0..items).map(|i| noise(i) % (u32::MAX / items * 5 / 2)).collect();
     let index: Vec<u32> = (0..items).map(|i| noise(i + 9) % items).collect();
@@ -99,13 +100,13 @@ fn scan(bench: &Bench<'_>, items: u32, gather: bool) -> Result<()> {
     let offsets = Buffer::zeroed(context, "offsets", items as usize)?;
     let stage = Scan::new(context, gather)?;
     bench.run(|recorder| {
-        counted.record(recorder, items);
+        counted.record(recorder, items, items_per_group(context.info()));
         let index = gather.then_some(&index);
         let buffers = ScanBuffers { values: &values, index, block_sums: &block_sums, offsets: &offsets };
         stage.record(recorder, &buffers, counted.extent(), RESULT);
     })?;
     // More items than fit.
-    bench.run(|recorder| counted.record(recorder, items / 3))
+    bench.run(|recorder| counted.record(recorder, items / 3, items_per_group(context.info())))
 }
 
 fn radix(bench: &Bench<'_>, items: u32, key_bits: u32, input_is: Input) -> Result<()> {
@@ -115,7 +116,7 @@ fn radix(bench: &Bench<'_>, items: u32, key_bits: u32, input_is: Input) -> Resul
     let key = |i: u32| if compact && noise(i).is_multiple_of(3) { NO_KEY } else { noise(i + 5) >> (32 - key_bits) };
     let keys: Vec<u32> = (0..items).map(key).collect();
     let values: Vec<u32> = (0..items).map(|i| noise(i + 77)).collect();
-    let counted = Counted::new(bench, items)?;
+    let counted = Counted::new(context, items)?;
     let n = items as usize;
     let input = (Buffer::from_slice(context, "keys", &keys)?, Buffer::from_slice(context, "values", &values)?);
     let buffer = |name: &str, len: usize| Buffer::zeroed(context, name, len);
@@ -125,7 +126,7 @@ fn radix(bench: &Bench<'_>, items: u32, key_bits: u32, input_is: Input) -> Resul
     let digit_totals = buffer("digit totals", DIGIT_TOTALS)?;
     let pairs = [&a, &b].map(|p| Pairs { keys: &p.0, values: &p.1 });
     bench.run(|recorder| {
-        counted.record(recorder, items);
+        counted.record(recorder, items, items_per_group(context.info()));
         let scratch = RadixScratch { block_counts: &block_counts, digit_totals: &digit_totals };
         let from = Pairs { keys: &input.0, values: &input.1 };
         stage.record(recorder, from, pairs, scratch, counted.extent(), RESULT);

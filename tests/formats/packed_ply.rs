@@ -72,19 +72,6 @@ fn nearest(all: &Gaussians, mean: [f32; 3]) -> usize {
     (0..all.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
 }
 
-/// The Gaussians of `all` in this order.
-pub fn sorted(all: &Gaussians, order: &[usize]) -> Gaussians {
-    let k = all.sh_coefficients();
-    Gaussians {
-        sh_degree: all.sh_degree,
-        means: order.iter().map(|&i| all.means[i]).collect(),
-        log_scales: order.iter().map(|&i| all.log_scales[i]).collect(),
-        quats: order.iter().map(|&i| all.quats[i]).collect(),
-        opacities: order.iter().map(|&i| all.opacities[i]).collect(),
-        sh: order.iter().flat_map(|&i| all.sh[i * k..(i + 1) * k].to_vec()).collect(),
-    }
-}
-
 #[test]
 fn what_is_written_comes_back_within_half_a_step() {
     for (count, degree) in [(300, 0), (256, 1), (5, 2), (513, 3)] {
@@ -97,7 +84,7 @@ fn what_is_written_comes_back_within_half_a_step() {
         let mut once = order.clone();
         once.sort_unstable();
         assert_eq!(once, (0..count).collect::<Vec<_>>(), "each of them once");
-        let a = &sorted(&scene.base, &order);
+        let a = &scene.base.reordered(&order);
         for begin in (0..count).step_by(256) {
             let rows = begin..count.min(begin + 256);
             // Half a step of the chunk's own range, and float32's rounding of numbers up to 12.

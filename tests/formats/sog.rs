@@ -182,7 +182,7 @@ fn what_is_written_comes_back_within_half_a_step() {
             (0..count).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
         };
         let order: Vec<usize> = b.means.iter().map(|&mean| near(mean)).collect();
-        let a = &packed_ply::sorted(&scene.base, &order);
+        let a = &scene.base.reordered(&order);
         let log =
             |g: &Gaussians, i: usize| means(g, i).iter().map(|v| v.signum() * v.abs().ln_1p()).collect::<Vec<_>>();
         let all = |of: &dyn Fn(usize) -> Vec<f64>| (0..count).flat_map(of).collect::<Vec<_>>();

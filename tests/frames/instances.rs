@@ -25,17 +25,7 @@ fn move_all(params: &mut Params, t: &Transform) {
 /// The first or the second half of the base, and of the supplement.
 fn half_of(scene: &Scene, second: bool) -> Scene {
     let pick = |n: usize| if second { n / 2..n } else { 0..n / 2 };
-    let gaussians = |g: &Gaussians| {
-        let (r, k) = (pick(g.len()), g.sh_coefficients());
-        Gaussians {
-            means: g.means[r.clone()].to_vec(),
-            log_scales: g.log_scales[r.clone()].to_vec(),
-            quats: g.quats[r.clone()].to_vec(),
-            opacities: g.opacities[r.clone()].to_vec(),
-            sh: g.sh[r.start * k..r.end * k].to_vec(),
-            sh_degree: g.sh_degree,
-        }
-    };
+    let gaussians = |g: &Gaussians| g.reordered(&pick(g.len()).collect::<Vec<_>>());
     let supplement = scene.supplement.as_ref().map(|s| {
         let r = pick(s.gaussians.len());
         let lobes = Lobes {

@@ -1,7 +1,6 @@
 //! Compares the twins' gradients with central differences of the whole chain project → … → blend, and checks
 //! properties of any renderer of this method. Runs on the CPU alone.
 
-use glam::{DMat3, DVec3};
 use glint::{
     reference::{
         Background, Options, Params, Rendered, View,
@@ -304,16 +303,7 @@ fn a_crop_is_the_crop_of_the_whole_picture_bit_for_bit() {
         }
         (0..3).for_each(|c| params.sh[c * n + i] = (i * (c + 2) % 13) as f64 / 8.0 - 0.75);
     }
-    let whole = Camera {
-        width,
-        height,
-        fx: 64.0,
-        fy: 64.0,
-        cx: 64.0,
-        cy: 48.0,
-        rotation: DMat3::IDENTITY,
-        translation: DVec3::ZERO,
-    };
+    let whole = Camera::new(width, height, 64.0);
     let image = |camera: &Camera| {
         let view = View::from_camera(camera);
         render(&params, &view, &Options::default(), Background::Color([0.25; 3])).blended.image

@@ -31,23 +31,11 @@ fn setup() -> Setup {
     Setup { degree: DEGREE, ..Default::default() }
 }
 
-/// Picks Gaussians: the new i is the old `from[i]`.
-fn pick(g: &Gaussians, from: &[usize]) -> Gaussians {
-    let k = g.sh_coefficients();
-    Gaussians {
-        sh_degree: g.sh_degree,
-        means: from.iter().map(|&i| g.means[i]).collect(),
-        log_scales: from.iter().map(|&i| g.log_scales[i]).collect(),
-        quats: from.iter().map(|&i| g.quats[i]).collect(),
-        opacities: from.iter().map(|&i| g.opacities[i]).collect(),
-        sh: from.iter().flat_map(|&i| g.sh[i * k..(i + 1) * k].to_vec()).collect(),
-    }
-}
-
+/// Picks Gaussians of both parts: the new i is the old `base[i]` or `extra[i]`.
 fn pick_scene(scene: &Scene, base: &[usize], extra: &[usize]) -> Scene {
-    let mut out = Scene { base: pick(&scene.base, base), ..scene.clone() };
+    let mut out = Scene { base: scene.base.reordered(base), ..scene.clone() };
     if let (Some(to), Some(from)) = (&mut out.supplement, &scene.supplement) {
-        to.gaussians = pick(&from.gaussians, extra);
+        to.gaussians = from.gaussians.reordered(extra);
         to.lobes.directions = extra.iter().map(|&i| from.lobes.directions[i]).collect();
         to.lobes.widths = extra.iter().map(|&i| from.lobes.widths[i]).collect();
         to.lobes.sharpness = extra.iter().map(|&i| from.lobes.sharpness[i]).collect();
@@ -143,13 +131,7 @@ fn hidden_and_unseen_gaussians_change_nothing() {
     ]);
     let join = |parts: &[&Gaussians]| {
         let mut all = Gaussians::default();
-        for p in parts {
-            all.means.extend(&p.means);
-            all.log_scales.extend(&p.log_scales);
-            all.quats.extend(&p.quats);
-            all.opacities.extend(&p.opacities);
-            all.sh.extend(&p.sh);
-        }
+        parts.iter().for_each(|&part| all.append(part.clone()));
         Scene { base: all, ..Default::default() }
     };
     let mut probe = Probe::new(&gpu, 512, &camera, Setup::default());

@@ -16,7 +16,7 @@ use glint::{
         views::Views,
     },
     reference::{random_camera, random_scene},
-    scene::{Scene, layout},
+    scene::Scene,
     stages::{
         constants::constants::NONE,
         status::{self, Resource, Status},
@@ -47,13 +47,8 @@ fn pages_change_nothing() {
 
 /// The base rearranged: some Gaussians twice, some dropped, some moved to the front.
 fn reordered(scene: &Scene, sources: &[u32]) -> Scene {
-    let mut out = Scene { supplement: scene.supplement.clone(), ..Default::default() };
-    out.base.sh_degree = scene.base.sh_degree;
-    for &source in sources {
-        let geometry = layout::geometry(&scene.base, source as usize);
-        layout::push(&mut out.base, |p| geometry[p], |p| layout::sh(&scene.base, source as usize, p));
-    }
-    out
+    let sources: Vec<usize> = sources.iter().map(|&source| source as usize).collect();
+    Scene { base: scene.base.reordered(&sources), ..scene.clone() }
 }
 
 #[test]

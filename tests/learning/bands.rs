@@ -149,8 +149,7 @@ fn cameras() -> Vec<Camera> {
         let forward = -eye.normalize();
         let right = DVec3::Y.cross(forward).normalize();
         let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
-        let (fx, fy) = (90.0, 90.0);
-        Camera { width: 80, height: 70, fx, fy, cx: 40.0, cy: 35.0, rotation, translation: -(rotation * eye) }
+        Camera { rotation, translation: -(rotation * eye), ..Camera::new(80, 70, 90.0) }
     };
     (0..VIEWS).map(camera).collect()
 }

@@ -18,7 +18,9 @@ use super::{
     common::{Gpu, session},
 };
 
-const STRATEGIES: [Strategy; 3] = [Strategy::Mcmc, Strategy::Adc, Strategy::Budget];
+fn strategies() -> impl Iterator<Item = Strategy> {
+    Strategy::ALL.into_iter().filter(|strategy| strategy.kernel().is_some())
+}
 
 struct Setup {
     session: Session,
@@ -64,8 +66,7 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
     let mut setup = setup(&gpu, 500);
     let first = setup.start.len() as u32;
     let mut last_losses = Vec::new();
-    for (strategy, packed) in STRATEGIES.map(|strategy| (strategy, false)).into_iter().chain([(Strategy::Budget, true)])
-    {
+    for (strategy, packed) in strategies().map(|strategy| (strategy, false)).chain([(Strategy::Budget, true)]) {
         setup.session.policy.packed = packed;
         let limit = first + first / 4;
         let density = setup.options(strategy, limit, 200);
@@ -138,7 +139,7 @@ fn a_limit_that_is_reached_holds_and_a_model_without_room_is_refused() {
     let gpu = Gpu::new();
     let setup = setup(&gpu, 300);
     let first = setup.start.len() as u32;
-    for strategy in STRATEGIES {
+    for strategy in strategies() {
         let density = setup.options(strategy, first, 60);
         let model = setup.model(&density, 192);
         let mut trainer = setup.trainer(&model, &density);
@@ -158,15 +159,7 @@ fn scenes_at_the_edge_of_having_gaussians_train() {
     let gpu = Gpu::new();
     let setup = setup(&gpu, 200);
     let n = setup.start.len();
-    let cut = |count: usize| {
-        let mut cut = setup.start.clone();
-        cut.means.truncate(count);
-        cut.log_scales.truncate(count);
-        cut.quats.truncate(count);
-        cut.opacities.truncate(count);
-        cut.sh.truncate(4 * count);
-        cut
-    };
+    let cut = |count: usize| setup.start.reordered(&(0..count).collect::<Vec<_>>());
     let mut dead = cut(n);
     dead.opacities.fill(-12.0);
     let mut lone = dead.clone();
@@ -185,7 +178,7 @@ fn scenes_at_the_edge_of_having_gaussians_train() {
         ("one", cut(1), 1, all + 20),
         ("none", cut(0), 0, 0),
     ];
-    for strategy in STRATEGIES {
+    for strategy in strategies() {
         for (name, start, least, most) in &cases {
             let first = start.len() as u32;
             let density = DensityOptions { first, ..setup.options(strategy, all + 20, 60) };
@@ -210,7 +203,7 @@ fn scenes_at_the_edge_of_having_gaussians_train() {
 #[test]
 fn schedules_are_parts_of_the_run() {
     for iterations in [1, 9, 300, 500, 2000, 7000, 30_000] {
-        for strategy in STRATEGIES {
+        for strategy in strategies() {
             let density = DensityOptions { strategy, limit: 3000, first: 1000, iterations };
             assert!((10..=100).contains(&density.interval()));
             if iterations >= 300 {

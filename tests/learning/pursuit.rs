@@ -1,13 +1,11 @@
 //! Residual pursuit with unusual scenes, photographs and views.
 
-use glam::{DMat3, DVec3};
 use glint::{
     data::gaussian_bytes,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Enhancer, Event, enhance},
-        model::{Model, Room, Segment},
-        pursuit::{Kinds, Placed, Pursuit, PursuitOptions},
-        render::{Needs, RenderOptions, Renderer},
+        model::Model,
+        pursuit::{Kinds, Placed, PursuitOptions},
         spend::{Spending, Weigh},
         train::{BaseOptions, train_base},
         views::{Views, pack},
@@ -15,7 +13,10 @@ use glint::{
     scene::{Camera, Gaussians, Scene},
 };
 
-use super::common::{Gpu, session};
+use super::{
+    common::{Gpu, session},
+    pursuit_edges::{camera as camera_at, pursue_in},
+};
 
 const SIZE: (u32, u32) = (60, 50);
 const GREY: [u8; 3] = [150, 115, 165];
@@ -39,9 +40,7 @@ fn wall_of(across: i32) -> Scene {
 }
 
 fn camera(v: usize) -> Camera {
-    let translation = DVec3::new(0.37 * v as f64, 0.0, 0.0);
-    let (width, height) = SIZE;
-    Camera { width, height, fx: 65.0, fy: 65.0, cx: 30.0, cy: 25.0, rotation: DMat3::IDENTITY, translation }
+    camera_at(-0.37 * v as f64)
 }
 
 /// A stripe on the wall in all views, and a spot on it in the second and third.
@@ -64,51 +63,16 @@ fn striped(v: usize) -> Vec<[u8; 3]> {
     (0..width * height).map(color).collect()
 }
 
-struct Outcome {
-    placed: Placed,
-    model: Scene,
-}
-
-fn place(
-    gpu: &Gpu,
-    scene: &Scene,
-    cameras: &[Camera],
-    photos: &[Vec<u32>],
-    most: u32,
-    options: PursuitOptions,
-) -> Outcome {
-    let views = Views::without_photographs(gpu, DVec3::ZERO, cameras, true).unwrap();
-    photos.iter().enumerate().for_each(|(v, photo)| views.upload_photograph(v, photo).unwrap());
-    let room = Room { base: most, supplement: most, ..Room::default() };
-    let mut model = Model::upload_around(gpu, DVec3::ZERO, scene, room).unwrap();
-    let render = RenderOptions { depth: true, ..Default::default() };
-    let mut renderer = Renderer::new(gpu, Needs::of(&model), &views, render).unwrap();
-    let mut pursuit = Pursuit::new(&session(gpu), &views, most, options).unwrap();
-    pursuit.start(most).unwrap();
-    while pursuit.advance(&mut renderer, &model, &views).unwrap().is_some() {}
-    let placed = pursuit.placed().unwrap();
-    model.learn_counts().unwrap();
-    assert_eq!(model.count_of(Segment::Base), scene.base.len() as u32 + placed.plain);
-    assert_eq!(model.count_of(Segment::Supplement), placed.lobes);
-    assert!(
-        placed.count() <= most && placed.gains.is_sorted_by(|a, b| a >= b) && placed.gains.iter().all(|&g| g > 0.0)
-    );
-    Outcome { placed, model: model.download().unwrap() }
-}
-
-fn words(photo: &[[u8; 3]]) -> Vec<u32> {
-    pack(photo.as_flattened())
-}
-
-fn four(gpu: &Gpu, most: u32, options: PursuitOptions) -> Outcome {
-    let photos: Vec<Vec<u32>> = (0..4).map(|v| words(&striped(v))).collect();
-    place(gpu, &wall(), &[0, 1, 2, 3].map(camera), &photos, most, options)
+/// Places at most `most` Gaussians on a wall of which `photos` are taken.
+fn placed(gpu: &Gpu, base: &Gaussians, photos: [Vec<[u8; 3]>; 4], most: u32, options: PursuitOptions) -> Placed {
+    let seen: Vec<_> = (0..4).map(camera).zip(photos.map(|photo| pack(photo.as_flattened()))).collect();
+    pursue_in(&session(gpu), base, &seen, [most, most], options).placed
 }
 
 /// An object missing in all views becomes plain, one missing in two gets a lobe; both lie on the wall.
 #[test]
 fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
-    let Outcome { placed, .. } = four(&Gpu::new(), 60, PursuitOptions::default());
+    let placed = placed(&Gpu::new(), &wall().base, [0, 1, 2, 3].map(striped), 60, PursuitOptions::default());
     let (mut spots, mut stripes) = (0, 0);
     for lift in &placed.lifts {
         let [x, y, z] = lift.mean;
@@ -127,88 +91,18 @@ fn a_stripe_is_plain_and_a_spot_has_a_lobe() {
     assert!(spots >= 2 && stripes >= 10 && placed.plain > 0, "{spots} {stripes} {}", placed.plain);
 }
 
-#[test]
-fn the_same_every_run_and_in_any_pages() {
-    let gpu = Gpu::new();
-    let options = PursuitOptions::default();
-    let first = four(&gpu, 40, options);
-    let again = four(&gpu, 40, options);
-    assert_eq!((&first.placed, &first.model), (&again.placed, &again.model));
-    // A page fits a view of 3,000 pixels with its smaller levels, but not two.
-    let paged = four(&gpu, 40, PursuitOptions { page: Some(4000), ..options });
-    assert_eq!(first.placed.lobes, paged.placed.lobes);
-    // Sums are made page by page, so their last bits may differ.
-    for (a, b) in first.placed.gains.iter().zip(&paged.placed.gains) {
-        assert!((a - b).abs() <= 1e-4 * a, "{a} {b}");
-    }
-}
-
-#[test]
-fn kinds_rooms_and_numbers_are_kept() {
-    let gpu = Gpu::new();
-    let of = |most, options| four(&gpu, most, options).placed;
-    let lobes = of(40, PursuitOptions { kinds: Kinds::Lobes, ..Default::default() });
-    assert!(lobes.lobes > 0 && lobes.plain == 0);
-    let plain = of(40, PursuitOptions { kinds: Kinds::Plain, ..Default::default() });
-    assert!(plain.plain > 0 && plain.lobes == 0);
-    assert_eq!(of(1, PursuitOptions::default()).count(), 1);
-    let all = of(40, PursuitOptions::default());
-    // Highest gains first, and none below the minimum.
-    let middle = all.gains[all.gains.len() / 2];
-    let few = of(40, PursuitOptions { least_gain: middle, ..Default::default() });
-    assert!(few.gains.iter().all(|&gain| gain >= middle) && few.count() < all.count());
-    // More draws than there are pixels with a residual.
-    assert!(of(2000, PursuitOptions { draws: 20, ..Default::default() }).count() > 0);
-}
-
-/// A render that equals the photograph to within its 8 bits leaves nothing worth a Gaussian; none is placed
-/// on masked pixels or without a surface.
-#[test]
-fn nothing_is_placed_where_nothing_is_lacking() {
-    let gpu = Gpu::new();
-    let cameras = [0, 1, 2].map(camera);
-    let masked: Vec<Vec<u32>> =
-        (0..3).map(|v| words(&striped(v)).into_iter().map(|w| w & 0xFF_FFFF).collect()).collect();
-    let none = place(&gpu, &wall(), &cameras, &masked, 40, PursuitOptions::default());
-    assert_eq!((none.placed.count(), none.model), (0, wall()));
-    // Cameras that look away see no surface.
-    let away = cameras.map(|camera| Camera { rotation: DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)), ..camera });
-    let photos: Vec<Vec<u32>> = (0..3).map(|v| words(&striped(v))).collect();
-    assert_eq!(place(&gpu, &wall(), &away, &photos, 40, PursuitOptions::default()).placed.count(), 0);
-}
-
 /// A single view is no evidence, unless caution and doubt are off. The wall fills all views: beyond its rim
 /// there would be evidence.
 #[test]
 fn a_single_view_says_nothing() {
     let gpu = Gpu::new();
-    let mut photos: Vec<Vec<u32>> = (0..4).map(|_| words(&vec![GREY; 3000])).collect();
-    photos[1] = words(&striped(1));
+    let photos = [0, 1, 2, 3].map(|v| if v == 1 { striped(v) } else { vec![GREY; 3000] });
     let of = |caution| {
         let options = PursuitOptions { caution, doubt: 0.5 * caution, kinds: Kinds::Lobes, ..Default::default() };
-        place(&gpu, &wall_of(15), &[0, 1, 2, 3].map(camera), &photos, 60, options).placed.count()
+        placed(&gpu, &wall_of(15).base, photos.clone(), 60, options).count()
     };
     let [bold, cautious] = [0.0, 1.0].map(of);
     assert!(bold > 10 && 5 * cautious < bold, "{bold} {cautious}");
-}
-
-/// The base lacks nothing but is NaN in places; the rest works as usual.
-#[test]
-fn colors_that_are_no_numbers_and_single_views_are_borne() {
-    let gpu = Gpu::new();
-    let mut scene = wall();
-    scene.base.sh[40] = [f32::MAX; 3];
-    let photos = [words(&striped(0))];
-    let bold = PursuitOptions { caution: 0.0, doubt: 0.0, ..Default::default() };
-    let found = place(&gpu, &scene, &[camera(0)], &photos, 40, bold);
-    assert!(found.placed.count() > 0);
-    let finite = |lift: &glint::stages::types::Lift| {
-        lift.mean.iter().chain(&lift.dc).chain(&lift.log_scale).all(|v| v.is_finite())
-    };
-    assert!(found.placed.lifts.iter().all(finite));
-    // An image of one pixel.
-    let tiny = Camera { width: 1, height: 1, cx: 0.5, cy: 0.5, ..camera(0) };
-    place(&gpu, &wall(), &[tiny], &[vec![u32::MAX]], 3, PursuitOptions::default());
 }
 
 #[test]

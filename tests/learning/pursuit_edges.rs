@@ -25,17 +25,8 @@ const WHITE: u32 = 0xFFFF_FFFF;
 const BLACK: u32 = 0xFF00_0000;
 
 /// A camera at `x` that looks along z.
-fn camera(x: f64) -> Camera {
-    Camera {
-        width: WIDTH,
-        height: HEIGHT,
-        fx: 65.0,
-        fy: 65.0,
-        cx: 30.0,
-        cy: 25.0,
-        rotation: DMat3::IDENTITY,
-        translation: DVec3::new(-x, 0.0, 0.0),
-    }
+pub fn camera(x: f64) -> Camera {
+    Camera { translation: DVec3::new(-x, 0.0, 0.0), ..Camera::new(WIDTH, HEIGHT, 65.0) }
 }
 
 /// An exactly black wall at z = 4: the photographs equal the residual.
@@ -71,8 +62,8 @@ fn spot(camera: &Camera, x: u32, y: u32) -> Vec<u32> {
     photo(camera, |u, v| if u.abs_diff(x) < 4 && v.abs_diff(y) < 4 { WHITE } else { BLACK })
 }
 
-struct Found {
-    placed: Placed,
+pub struct Found {
+    pub placed: Placed,
     /// Added Gaussians by segment.
     added: [u32; 2],
     /// Squared error of all views, before and after.
@@ -80,7 +71,7 @@ struct Found {
 }
 
 /// Makes room for `made_for` Gaussians and places at most `most`.
-fn pursue_in(
+pub fn pursue_in(
     session: &Session,
     base: &Gaussians,
     seen: &[(Camera, Vec<u32>)],
@@ -129,6 +120,7 @@ fn pursue_with(
     let added = [model.count_of(Segment::Base) - base.len() as u32, model.count_of(Segment::Supplement)];
     assert_eq!(added, [placed.plain, placed.lobes]);
     assert!(placed.count() <= most.min(made_for) && placed.gains.is_sorted_by(|a, b| a >= b), "{:?}", placed.gains);
+    assert!(placed.gains.iter().all(|&gain| gain > 0.0), "{:?}", placed.gains);
     for lift in &placed.lifts {
         let numbers = [
             &lift.mean[..],
@@ -345,14 +337,19 @@ fn pixels_that_do_not_count_draw_nothing() {
         camera(0.0),
         spot(&camera(0.0), 30, 25).iter().map(|p| if *p == WHITE { p & 0xFF_FFFF } else { *p }).collect(),
     );
-    let found = pursue(&gpu, &wall(), &[masked], PursuitOptions::default());
+    let found = pursue(&gpu, &wall(), &[masked], bold());
     assert_eq!(found.added, [0, 0]);
     for bad in [f32::NAN, f32::INFINITY] {
         let session = Session { background: [bad, 0.0, 0.0], ..session(&gpu) };
         let seen = [(camera(0.0), spot(&camera(0.0), 30, 25))];
-        let found = pursue_in(&session, &wall(), &seen, [20, 20], PursuitOptions::default());
+        let found = pursue_in(&session, &wall(), &seen, [20, 20], bold());
         assert_eq!(found.added, [0, 0], "{bad}");
     }
+    // Where a color of the base is infinite; the rest works as usual.
+    let mut base = wall();
+    base.sh[29] = [f32::MAX; 3];
+    let seen = [(camera(0.0), spot(&camera(0.0), 45, 40))];
+    assert!(pursue(&gpu, &base, &seen, bold()).placed.count() > 0);
 }
 
 /// Without another view the angle to the nearest is a quarter turn; placed Gaussians lie on the wall. Each is

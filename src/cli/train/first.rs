@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Args, Error, Result, Strategy};
+use super::{Args, Error, Result};
 use crate::{
     data::{Dataset, PointCloud, SceneFile, Split, is_point_cloud, read_points},
     gpu::Context,
@@ -129,7 +129,7 @@ impl Args {
         let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
         let mut place = "";
         // The papers of the other strategies place their full number of points anywhere.
-        if first.sparse.is_none() && self.strategy == Strategy::Budget {
+        if first.sparse.is_none() && self.strategy.follows_errors() {
             let few = match self.points {
                 Some(_) => first.cloud.positions.len(),
                 None => (first.cloud.positions.len() / RANDOM_NTH).max(1),
@@ -158,8 +158,8 @@ impl Args {
         };
         let gaussians = from_points(&first.cloud.around(origin), &first.cloud.colors, self.degree());
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
-        let fixed = self.strategy == Strategy::Fixed;
-        let most = limit.unwrap_or_else(|| if fixed { count } else { default_gaussians(count, pixels) });
+        let grows = self.strategy.kernel().is_some();
+        let most = limit.unwrap_or_else(|| if grows { default_gaussians(count, pixels) } else { count });
         notes.extend([said, grey, far].into_iter().flatten());
         Ok(First { gaussians, origin, most, begins: 0.0, notes })
     }

@@ -159,16 +159,7 @@ mod tests {
 
     /// Camera 4 units before the origin, looking at it, with y down.
     fn flight() -> Flight {
-        let camera = Camera {
-            width: 64,
-            height: 48,
-            fx: 50.0,
-            fy: 50.0,
-            cx: 32.0,
-            cy: 24.0,
-            rotation: DMat3::IDENTITY,
-            translation: DVec3::new(0.0, 0.0, 4.0),
-        };
+        let camera = Camera { translation: DVec3::new(0.0, 0.0, 4.0), ..Camera::new(64, 48, 50.0) };
         Flight::new(camera, DVec3::ZERO, DVec3::NEG_Y)
     }
 

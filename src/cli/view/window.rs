@@ -712,18 +712,8 @@ fn overview(middle: DVec3, radius: f64, up: DVec3, [width, height]: [u32; 2]) ->
     let ahead = if up.z.abs() < 0.5 { DVec3::Z } else { DVec3::Y };
     let level = DMat3::from_cols(ahead.cross(up), -up, ahead).transpose();
     let rotation = DMat3::from_rotation_x(0.3) * level;
-    let camera = Camera {
-        width,
-        height,
-        fx: focal,
-        fy: focal,
-        cx: f64::from(width) / 2.0,
-        cy: f64::from(height) / 2.0,
-        rotation,
-        translation: DVec3::ZERO,
-    };
     let eye = middle - AWAY * radius * rotation.row(2);
-    Camera { translation: -(rotation * eye), ..camera }
+    Camera { rotation, translation: -(rotation * eye), ..Camera::new(width, height, focal) }
 }
 
 #[cfg(test)]

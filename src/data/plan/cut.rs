@@ -311,16 +311,7 @@ mod tests {
     /// Two walls 40 units apart, each of 600 points, in front of 8 cameras that see nothing else; the first photo of each is for
     /// testing.
     fn two_walls() -> Dataset {
-        let camera = |x: f64| Camera {
-            width: 64,
-            height: 48,
-            fx: 40.0,
-            fy: 40.0,
-            cx: 32.0,
-            cy: 24.0,
-            rotation: glam::DMat3::IDENTITY,
-            translation: DVec3::new(-x, 0.0, 0.0),
-        };
+        let camera = |x: f64| Camera { translation: DVec3::new(-x, 0.0, 0.0), ..Camera::new(64, 48, 40.0) };
         let image = Arc::new(Image { width: 64, height: 48, rgb: vec![0; 3 * 64 * 48], mask: None });
         // Names alternate between the walls.
         let photos = (0..16).map(|i| Photo {

@@ -125,20 +125,9 @@ fn fill(cells: &mut [u32], columns: usize) {
 
 #[cfg(test)]
 mod tests {
-    use glam::DMat3;
-
     use super::*;
 
-    const CAMERA: Camera = Camera {
-        width: 320,
-        height: 160,
-        fx: 160.0,
-        fy: 160.0,
-        cx: 160.0,
-        cy: 80.0,
-        rotation: DMat3::IDENTITY,
-        translation: DVec3::ZERO,
-    };
+    const CAMERA: Camera = Camera::new(320, 160, 160.0);
 
     fn patch(x: f64, y: f64, z: f64, radius: f64) -> Patch {
         Patch { center: DVec3::new(x, y, z), radius, points: 1 }
