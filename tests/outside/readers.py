@@ -1,5 +1,6 @@
 """Reads two PLY files with other programs, an augmented scene and its base alone: readers.py AUGMENTED BASE USD... Each program must get
-the same data from both. The other files are the base in OpenUSD, which usd-core must read and find valid. Run by tools/readers, which installs the packages."""
+the same data from both. The other files are the base in OpenUSD, which usd-core must read and find valid. Run by tools/readers, which
+installs the packages."""
 
 import sys
 
