@@ -95,7 +95,7 @@ fn replay(kind: &str, name: &str, bytes: &[u8], image_bytes: usize) -> Option<St
     let message = result.unwrap_or_else(|_| panic!("{name}: the reader panicked")).err();
     let (each, more) = match kind {
         "image" => (BYTES_PER_BYTE, image_bytes),
-        "spz" | "sog" | "glb" => (INFLATED_BYTES_PER_BYTE, INFLATED_FIXED),
+        "spz" | "sog" | "glb" | "usdz" => (INFLATED_BYTES_PER_BYTE, INFLATED_FIXED),
         _ => (BYTES_PER_BYTE, 0),
     };
     let allowed = each * bytes.len() + FIXED_BYTES + more;

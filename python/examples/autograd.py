@@ -24,13 +24,14 @@ class Rasterize(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, means, quats, scales, opacities, colors, options):
-        image, _, ctx.meta = g.rasterization(means, quats, scales, opacities, colors, **options)
+        arrays = (array.cpu() for array in (means, quats, scales, opacities, colors))
+        image, _, ctx.meta = g.rasterization(*arrays, **options)
         return torch.from_numpy(image).to(means.device)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, image_grad):
-        gradients = ctx.meta.backward(image_grad)
+        gradients = ctx.meta.backward(image_grad.cpu())
         return *(torch.from_numpy(gradient).to(image_grad.device) for gradient in gradients), None
 
 

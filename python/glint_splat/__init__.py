@@ -1,8 +1,8 @@
 """3D Gaussian scenes on any Vulkan device: load, render, differentiate, train and augment.
 
-Results are numpy arrays on the host; other frameworks take them by DLPack without a copy. Arguments may be arrays of any framework;
-those on a GPU are copied to the host. Keyword arguments are the options of the `glint` command, with underscores in place of dashes.
-The command's notes become warnings of the category `Note`, its errors exceptions with the same text.
+Results are numpy arrays on the host; other frameworks take them by DLPack without a copy. Arguments may be arrays of any framework with
+DLPack, on the host; they are only copied if their layout or type differs. Keyword arguments are the options of the `glint` command, with
+underscores in place of dashes. The command's notes become warnings of the category `Note`, its errors exceptions with the same text.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import os as _os
 import sys as _sys
 import tempfile as _tempfile
 import warnings as _warnings
-from typing import Any as _Any, Callable as _Callable, Iterator as _Iterator, NamedTuple as _NamedTuple, Union as _Union
+from typing import Any as _Any, Callable as _Callable, Iterator as _Iterator, NamedTuple as _NamedTuple, Protocol as _Protocol
+from typing import Union as _Union
 
 import numpy as _np
 import numpy.typing as _npt
@@ -24,6 +25,19 @@ from ._glint import Gaussians, Scene, __version__
 
 _Path = _Union[str, "_os.PathLike[str]"]
 _Array32 = _npt.NDArray[_np.float32]
+
+
+class _DLPack(_Protocol):
+    """An array of another framework."""
+
+    def __dlpack__(self, *args: _Any, **options: _Any) -> _Any: ...
+
+    def __dlpack_device__(self) -> _Any: ...
+
+
+_ArrayLike = _Union[_npt.ArrayLike, _DLPack]
+# DLPack's numbers of devices whose memory numpy reads: CPU, memory pinned for CUDA or ROCm, CUDA's managed memory.
+_HOST = (1, 3, 11, 13)
 
 
 class Error(Exception):
@@ -258,11 +272,29 @@ def _report(command: str, paths: list[_Path], options: dict[str, _Any]) -> _Any:
     return run.report
 
 
-def _array(name: str, values: _Any, dimensions: int, dtype: _Any = _np.float32) -> _npt.NDArray[_Any]:
-    """A contiguous array on the host."""
+def _host(name: str, values: _Any, dtype: _Any = _np.float32) -> _npt.NDArray[_Any]:
+    """A contiguous array on the host, a copy only if the layout or the type differs."""
     if hasattr(values, "detach"):
-        values = values.detach().cpu()
-    array = _np.ascontiguousarray(values, dtype=dtype)
+        # torch exports no tensor that needs a gradient.
+        values = values.detach()
+    if hasattr(values, "__dlpack_device__") and not isinstance(values, _np.ndarray):
+        device = int(values.__dlpack_device__()[0])
+        if device not in _HOST:
+            raise InputError(
+                f"{name} is on a device (type {device} of DLPack), expected an array on the host: copy it with .cpu() in torch, .get() in "
+                "CuPy, jax.device_get in JAX"
+            )
+    try:
+        if hasattr(values, "__dlpack__") and not hasattr(values, "__array__"):
+            values = _np.from_dlpack(values)
+        return _np.ascontiguousarray(values, dtype=dtype)
+    except (BufferError, RuntimeError, TypeError, ValueError) as error:
+        raise InputError(f"{name}: numpy makes no {_np.dtype(dtype)} array of it: {error}") from None
+
+
+def _array(name: str, values: _Any, dimensions: int, dtype: _Any = _np.float32) -> _npt.NDArray[_Any]:
+    """A contiguous array on the host with this number of dimensions."""
+    array = _host(name, values, dtype)
     if array.ndim != dimensions:
         raise InputError(f"{name} has shape {list(array.shape)}, expected {dimensions} dimensions")
     return array
@@ -281,7 +313,7 @@ def load(path: _Path, **options: _Any) -> Scene:
 
 
 def save(scene: Scene, path: _Path, **options: _Any) -> None:
-    """Writes a scene. The ending of the path chooses the format: .ply, .glb, .sog, .compressed.ply, .spz or .splat.
+    """Writes a scene. The ending of the path chooses the format: .ply, .glb, .compressed.ply, .sog, .spz, .usda, .usdz or .splat.
 
     The file appears whole or not at all.
 
@@ -344,7 +376,7 @@ class Meta:
         self._native = native
         self._coefficients = coefficients
 
-    def backward(self, image_grad: _npt.ArrayLike) -> Gradients:
+    def backward(self, image_grad: _ArrayLike) -> Gradients:
         """Gradients of a loss, given its gradient by the images: `image_grad`, (C, height, width, 3).
 
         Colors below 0 are clamped: they have a gradient only if it raises them. Opacities are clamped to 2^-24 from 0 and 1.
@@ -360,18 +392,18 @@ class Meta:
 
 
 def rasterization(
-    means: _npt.ArrayLike,
-    quats: _npt.ArrayLike,
-    scales: _npt.ArrayLike,
-    opacities: _npt.ArrayLike,
-    colors: _npt.ArrayLike,
-    viewmats: _npt.ArrayLike,
-    Ks: _npt.ArrayLike,
+    means: _ArrayLike,
+    quats: _ArrayLike,
+    scales: _ArrayLike,
+    opacities: _ArrayLike,
+    colors: _ArrayLike,
+    viewmats: _ArrayLike,
+    Ks: _ArrayLike,
     width: int,
     height: int,
     *,
     sh_degree: int | None = None,
-    backgrounds: _npt.ArrayLike | None = None,
+    backgrounds: _ArrayLike | None = None,
     rasterize_mode: str = "classic",
     device: str | None = None,
 ) -> tuple[_Array32, _Array32, Meta]:

@@ -5,19 +5,21 @@ from typing import Any, Optional, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from . import _ArrayLike
+
 __version__: str
 
 class Gaussians:
     def __new__(
         cls,
-        means: npt.ArrayLike,
-        log_scales: npt.ArrayLike,
-        quats: npt.ArrayLike,
-        opacity_logits: npt.ArrayLike,
-        sh: npt.ArrayLike,
-        lobe_directions: Optional[npt.ArrayLike] = None,
-        lobe_widths: Optional[npt.ArrayLike] = None,
-        lobe_sharpness: Optional[npt.ArrayLike] = None,
+        means: _ArrayLike,
+        log_scales: _ArrayLike,
+        quats: _ArrayLike,
+        opacity_logits: _ArrayLike,
+        sh: _ArrayLike,
+        lobe_directions: Optional[_ArrayLike] = None,
+        lobe_widths: Optional[_ArrayLike] = None,
+        lobe_sharpness: Optional[_ArrayLike] = None,
     ) -> Gaussians: ...
     @property
     def means(self) -> npt.NDArray[np.float32]: ...

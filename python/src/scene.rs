@@ -12,14 +12,15 @@ use glint::{
     },
 };
 use numpy::{
-    AllowTypeChange, PyArray, PyArrayDyn, PyArrayLikeDyn, PyUntypedArrayMethods,
+    PyArray, PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods,
     ndarray::{ArrayViewD, IxDyn},
 };
 use pyo3::prelude::*;
 
 use crate::{Failure, bad, check_each, render::OnDevice};
 
-/// N Gaussians: the base of a scene, or with lobes its supplement. Arrays are copied, and numpy makes float32 of them.
+/// N Gaussians: the base of a scene, or with lobes its supplement. Arrays of numpy or any framework with
+/// DLPack are copied, as float32.
 ///
 /// means: (N, 3), centers, scene units.
 /// log_scales: (N, 3), natural logarithms of standard deviations in scene units.
@@ -66,18 +67,20 @@ fn view<'py, T: numpy::Element>(
     Ok(array)
 }
 
-/// What numpy makes an array of float32 of.
-type Like<'py> = PyArrayLikeDyn<'py, f32, AllowTypeChange>;
+/// Contiguous float32 numbers of what may be an array of another framework.
+fn host<'py>(name: &str, values: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
+    Ok(values.py().import("glint_splat")?.call_method1("_host", (name, values))?.extract()?)
+}
 
 /// Finite numbers of `n` Gaussians, each of which has a row of this shape.
-fn rows<T: bytemuck::AnyBitPattern>(name: &str, array: &Like<'_>, n: usize, row: &[usize]) -> Result<Vec<T>, Failure> {
-    let shape = [&[n], row].concat();
+fn rows<T: bytemuck::AnyBitPattern>(name: &str, array: &Bound<'_, PyAny>, n: usize, row: &[usize]) -> PyResult<Vec<T>> {
+    let (array, shape) = (host(name, array)?, [&[n], row].concat());
     if array.shape() != shape {
-        return Err(bad(format!("{name} has shape {:?}, expected {shape:?}", array.shape())));
+        return Err(bad(format!("{name} has shape {:?}, expected {shape:?}", array.shape())).into());
     }
-    let values: Vec<f32> = array.as_array().iter().copied().collect();
-    check_each(name, &values, n, f32::is_finite, "a finite number")?;
-    Ok(bytemuck::cast_slice(&values).to_vec())
+    let values = array.as_slice()?;
+    check_each(name, values, n, f32::is_finite, "a finite number")?;
+    Ok(bytemuck::cast_slice(values).to_vec())
 }
 
 #[pymethods]
@@ -86,46 +89,48 @@ impl Gaussians {
     #[pyo3(signature = (means, log_scales, quats, opacity_logits, sh, lobe_directions=None, lobe_widths=None, lobe_sharpness=None))]
     #[allow(clippy::too_many_arguments, reason = "an array each")]
     fn new(
-        means: Like<'_>,
-        log_scales: Like<'_>,
-        quats: Like<'_>,
-        opacity_logits: Like<'_>,
-        sh: Like<'_>,
-        lobe_directions: Option<Like<'_>>,
-        lobe_widths: Option<Like<'_>>,
-        lobe_sharpness: Option<Like<'_>>,
-    ) -> Result<Self, Failure> {
+        means: &Bound<'_, PyAny>,
+        log_scales: &Bound<'_, PyAny>,
+        quats: &Bound<'_, PyAny>,
+        opacity_logits: &Bound<'_, PyAny>,
+        sh: &Bound<'_, PyAny>,
+        lobe_directions: Option<&Bound<'_, PyAny>>,
+        lobe_widths: Option<&Bound<'_, PyAny>>,
+        lobe_sharpness: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (means, sh) = (host("means", means)?, host("sh", sh)?);
         let n = means.shape().first().copied().unwrap_or(0);
-        let means = rows("means", &means, n, &[3])?;
+        let means = rows("means", means.as_any(), n, &[3])?;
         let degree = (0..MODELS.len() as u32).find(|&degree| sh.shape() == [n, coefficients(degree), 3]);
         let Some(sh_degree) = degree else {
             return Err(bad(format!(
                 "sh has shape {:?}, expected [{n}, K, 3], where K is 1, 4, 9 or 16, or 5 of spherical betas",
                 sh.shape()
-            )));
+            ))
+            .into());
         };
         let gaussians = scene::Gaussians {
             sh_degree,
             means,
-            log_scales: rows("log_scales", &log_scales, n, &[3])?,
-            quats: rows("quats", &quats, n, &[4])?,
-            opacities: rows("opacity_logits", &opacity_logits, n, &[])?,
-            sh: rows("sh", &sh, n, &[coefficients(sh_degree), 3])?,
+            log_scales: rows("log_scales", log_scales, n, &[3])?,
+            quats: rows("quats", quats, n, &[4])?,
+            opacities: rows("opacity_logits", opacity_logits, n, &[])?,
+            sh: rows("sh", sh.as_any(), n, &[coefficients(sh_degree), 3])?,
         };
         let scene = match (lobe_directions, lobe_widths, lobe_sharpness) {
             (None, None, None) => scene::Scene { base: gaussians, ..Default::default() },
             (Some(directions), Some(widths), Some(sharpness)) => {
                 let lobes = Lobes {
-                    directions: rows("lobe_directions", &directions, n, &[3])?,
-                    widths: rows("lobe_widths", &widths, n, &[])?,
-                    sharpness: rows("lobe_sharpness", &sharpness, n, &[])?,
+                    directions: rows("lobe_directions", directions, n, &[3])?,
+                    widths: rows("lobe_widths", widths, n, &[])?,
+                    sharpness: rows("lobe_sharpness", sharpness, n, &[])?,
                 };
                 let base = scene::Gaussians { sh_degree, ..Default::default() };
                 scene::Scene { base, supplement: Some(Supplement { gaussians, lobes }), ..Default::default() }
             }
-            _ => return Err(bad("lobes have directions, widths and sharpness: expected all three or none")),
+            _ => return Err(bad("lobes have directions, widths and sharpness: expected all three or none").into()),
         };
-        check_scene(&scene)?;
+        check_scene(&scene).map_err(Failure::from)?;
         let has_lobes = scene.supplement.is_some();
         Ok(Gaussians { file: Arc::new(scene.into()), has_lobes })
     }

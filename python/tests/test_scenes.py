@@ -49,7 +49,7 @@ def test_arrays_are_read_only_views_that_outlive_the_scene(base):
         means.setflags(write=True)
 
 
-@pytest.mark.parametrize("ending", ["ply", "glb", "sog", "compressed.ply", "spz", "splat"])
+@pytest.mark.parametrize("ending", ["ply", "glb", "sog", "compressed.ply", "spz", "usda", "usdz", "splat"])
 def test_saved_files_are_the_command_line_s(glint, folder, base, ending):
     ours, theirs = folder / f"ours.{ending}", folder / f"theirs.{ending}"
     with warnings.catch_warnings(record=True) as warned:
@@ -73,7 +73,7 @@ def test_lenient_loading_drops_and_tells(folder, base):
 
 
 def test_an_augmented_scene_comes_back(folder, augmented):
-    scene, again = g.load(augmented), folder / "again.ply"
+    scene, again = g.load(augmented), folder / "augmented_again.ply"
     g.save(scene, again)
     assert again.read_bytes() == augmented.read_bytes()
     lobes = scene.supplement
@@ -117,7 +117,7 @@ def test_gaussians_are_made_of_what_numpy_makes_arrays_of(base):
 def test_errors_are_the_command_line_s(glint, folder, base, augmented):
     broken = folder / "broken.ply"
     broken.write_bytes(base.read_bytes()[:2000])
-    out = folder / "out.spz"
+    out = folder / "out.sog"
     for call, arguments in [
         (lambda: g.load(broken), ["convert", broken, out]),
         (lambda: g.load(folder / "nothing.ply"), ["convert", folder / "nothing.ply", out]),

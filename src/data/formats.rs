@@ -33,6 +33,8 @@ mod splat;
 mod spz;
 #[cfg(feature = "formats")]
 mod usd;
+#[cfg(feature = "formats")]
+mod usdz;
 
 use std::fmt;
 use std::fs::File;
@@ -71,6 +73,8 @@ pub enum Kind {
     Usda,
     /// OpenUSD in binary form, which glint does not read.
     Usdc,
+    /// A ZIP archive whose first file is OpenUSD.
+    Usdz,
     /// Tensors; a run's checkpoint is also a scene.
     Safetensors,
     /// An image of floats.
@@ -85,6 +89,16 @@ pub enum Kind {
     Unknown,
 }
 
+/// Bytes of a file that its kind needs: for an archive, the name of its first file.
+const START: u64 = 1 << 10;
+
+/// Whether the first file of a ZIP archive is OpenUSD, by its name.
+fn begins_with_a_layer(archive: &[u8]) -> bool {
+    let length = archive.get(26..28).map_or(0, |bytes| usize::from(bytes[0]) | usize::from(bytes[1]) << 8);
+    let name = archive.get(30..30 + length).unwrap_or_default();
+    [&b".usda"[..], b".usdc", b".usd"].iter().any(|ending| name.ends_with(ending))
+}
+
 impl Kind {
     /// Detects the kind from the start of a file. Uses `path` only for kinds without a mark of their own.
     pub fn of(start: &[u8], path: &Path) -> Kind {
@@ -94,6 +108,7 @@ impl Kind {
             [] => Kind::Empty,
             _ if is_ply(start) => Kind::Ply,
             [b'N', b'G', b'S', b'P', ..] => Kind::Spz,
+            [b'P', b'K', 3, 4, ..] if begins_with_a_layer(start) => Kind::Usdz,
             [b'P', b'K', 3, 4, ..] => Kind::Zip,
             [b'R', b'A', b'D', b'0', ..] => Kind::Rad,
             [b'g', b'l', b'T', b'F', ..] => Kind::Gltf,
@@ -144,7 +159,7 @@ impl Kind {
     pub fn of_file(path: &Path) -> Result<Kind> {
         let fail = |source| Error::io(path, source);
         let mut start = Vec::new();
-        File::open(path).map_err(fail)?.take(64).read_to_end(&mut start).map_err(fail)?;
+        File::open(path).map_err(fail)?.take(START).read_to_end(&mut start).map_err(fail)?;
         Ok(Kind::of(&start, path))
     }
 }
@@ -339,6 +354,16 @@ impl SceneFormat {
             ..USUAL
         },
         SceneFormat {
+            ending: "usdz",
+            about: "a .usda in an archive",
+            kinds: &[(Kind::Usdz, "an OpenUSD archive")],
+            #[cfg(feature = "formats")]
+            read: Some(usdz::parse),
+            #[cfg(feature = "formats")]
+            write: Some(usdz::write),
+            ..USUAL
+        },
+        SceneFormat {
             ending: "splat",
             about: "positions and sizes, colors and rotations as bytes; no color that depends on the view",
             keeps_origin: false,
@@ -413,6 +438,14 @@ mod tests {
         is(b"\x1f\x8b\x08", "a.SPZ", Kind::Spz);
         is(b"\x1f\x8b\x08", "a.tgz", Kind::Gzip);
         is(b"PK\x03\x04", "a.sog", Kind::Zip);
+        // The length of the name, that of more fields, and the name.
+        let zip = |name: &str| [&b"PK\x03\x04"[..], &[0; 22], &[name.len() as u8, 0, 9, 0], name.as_bytes()].concat();
+        for (name, kind) in
+            [("a.usda", Kind::Usdz), ("b/c.usdc", Kind::Usdz), (".usd", Kind::Usdz), ("a.png", Kind::Zip)]
+        {
+            is(&zip(name), "a.sog", kind);
+        }
+        is(&zip("a.usda")[..35], "a", Kind::Zip);
         is(b"glTF", "a.glb", Kind::Gltf);
         is(b" {\"asset\"", "a.gltf", Kind::Gltf);
         is(b"{\"version\"", "folder/meta.json", Kind::Sog);

@@ -10,7 +10,7 @@ use glint::{
 
 use super::Work;
 
-const ENDINGS: [&str; 8] = ["ply", "glb", "usda", "compressed.ply", "rad", "sog", "spz", "splat"];
+const ENDINGS: [&str; 9] = ["ply", "glb", "usda", "usdz", "compressed.ply", "rad", "sog", "spz", "splat"];
 
 /// A scene within view of the cameras of [`Work`].
 fn visible(supplement: usize) -> Scene {

@@ -1,4 +1,8 @@
-//! Tests OpenUSD's text form.
+//! Tests OpenUSD's text form, and archives of it.
+
+use std::io::{Cursor, Write};
+
+use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use super::*;
 
@@ -125,4 +129,69 @@ fn damage_is_an_error_with_its_line() {
     let deep = "def \"a\" {\n".repeat(100) + &"}".repeat(100);
     refused("a.usda", &stage("", &deep), &["nested deeper than 64"]);
     refused("b.usdc", b"PXR-USDC\0\0\0\0", &["OpenUSD scene in binary form", "usdcat"]);
+}
+
+/// Offsets by APPNOTE.TXT of PKWARE: method at 8, time and date at 10, sizes at 18 and 22, lengths of name and other fields at 26 and 28.
+#[test]
+fn a_usdz_is_the_usda_uncompressed_at_a_multiple_of_64_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let trained_with = TrainedWith { max_size: Some(400), ..Default::default() };
+    let scene = Scene { origin: glam::DVec3::new(5e5, 4.5e6, -120.125), ..sample(12, 50, 2) };
+    let written = |name: &str| {
+        let path = folder.path().join(name);
+        assert_eq!(write_scene_file(&path, &SceneFile { trained_with, ..scene.clone().into() }).unwrap(), [""; 0]);
+        (read_scene_file(&path).unwrap(), fs::read(&path).unwrap())
+    };
+    let ((text, usda), (archive, usdz)) = (written("a.usda"), written("a.usdz"));
+    assert_eq!(text, archive);
+    let number =
+        |at: usize, bytes: usize| usdz[at..at + bytes].iter().rev().fold(0, |all, &byte| all << 8 | usize::from(byte));
+    let begin = 30 + number(26, 2) + number(28, 2);
+    assert_eq!((begin % 64, number(8, 2), &usdz[30..30 + number(26, 2)]), (0, 0, &b"scene.usda"[..]));
+    // OpenUSD takes sizes from here, so none may follow the data (flag 8). The date is 1 January 1980.
+    assert_eq!([number(18, 4), number(22, 4), number(6, 2) & 8, number(10, 4)], [usda.len(), usda.len(), 0, 0x21_0000]);
+    assert!(usdz[begin..begin + usda.len()] == usda);
+}
+
+/// An archive of compressed files.
+fn archive(files: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, bytes) in files {
+        zip.start_file(*name, SimpleFileOptions::default().compression_method(CompressionMethod::Deflated)).unwrap();
+        zip.write_all(bytes).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
+#[test]
+fn the_first_file_of_a_usdz_is_read() {
+    let (layer, other) = (stage("", TWO), stage("", "def Mesh \"m\" {}"));
+    // A name beyond the bytes that decide a file's kind is known by the whole file.
+    for name in ["a.usda", "folder/b.usd", &format!("{}.usda", "long".repeat(500))] {
+        let bytes = archive(&[(name, &layer), ("0.png", b"a texture"), ("other.usda", &other)]);
+        assert_eq!(read("a.usdz", &bytes).unwrap(), read("a.usda", &layer).unwrap());
+        assert_eq!(read("a.zip", &bytes).unwrap().scene.base.len(), 2);
+    }
+    refused(
+        "a.usdz",
+        &archive(&[("other.usda", &other), ("a.usda", &layer)]),
+        &["`other.usda` in the archive: has no prim"],
+    );
+}
+
+#[test]
+fn damaged_usdz_and_binary_layers_are_errors() {
+    let binary = archive(&[("a.usdc", b"PXR-USDC\0\0\0\0"), ("b.usda", &stage("", TWO))]);
+    refused("a.usdz", &binary, &["its first file `a.usdc` is an OpenUSD scene in binary form", "usdcat"]);
+    refused("a.usdz", &archive(&[("a.usd", b"")]), &["`a.usd` is empty, expected OpenUSD as text"]);
+    refused(
+        "a.usdz",
+        &archive(&[("a.usda", &stage("", "def \"x\" {"))]),
+        &["`a.usda` in the archive: line", "not closed"],
+    );
+    refused("a.usdz", &archive(&[("a.usda", &vec![b' '; 4 << 20])]), &["promises 4194304 bytes of `a.usda`"]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.usdz");
+    write_scene_file(&path, &SceneFile::from(sample(13, 2, 0))).unwrap();
+    damage("a.usdz", &fs::read(&path).unwrap(), |_| false);
 }

@@ -199,7 +199,7 @@ fn numbers(text: &str) -> Result<Vec<f64>, String> {
 }
 
 /// The start of a text of the file, for errors.
-fn shown(text: &str) -> String {
+pub(super) fn shown(text: &str) -> String {
     text.chars().take(40).flat_map(char::escape_debug).collect()
 }
 
@@ -341,7 +341,7 @@ pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Res
     read(bytes).map_err(|what| Error::input(path, what))
 }
 
-fn read(bytes: &[u8]) -> Result<SceneFile, String> {
+pub(super) fn read(bytes: &[u8]) -> Result<SceneFile, String> {
     let text = std::str::from_utf8(bytes).map_err(|error| format!("is not UTF-8 at byte {}", error.valid_up_to()))?;
     let mut cursor = Cursor { text, at: 0 };
     let mut root = Prim::default();
@@ -385,8 +385,14 @@ fn read(bytes: &[u8]) -> Result<SceneFile, String> {
     Ok(SceneFile { trained_with, notes, ..Scene { base, origin, ..Default::default() }.into() })
 }
 
-/// Writes the base as a prim `/scene`. Numbers are written so that reading gives the same float32.
+/// Writes the base as a stage.
 pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Result<Vec<String>> {
+    write_whole(path, |out| put(file, out))?;
+    Ok(Vec::new())
+}
+
+/// Writes a stage whose prim `/scene` is the base. Numbers are written so that reading gives the same float32.
+pub(super) fn put(file: &SceneFile, out: &mut impl Write) -> std::io::Result<()> {
     let Scene { base, origin, .. } = &file.scene;
     let mut turned = base.clone();
     axes::flip(&mut turned, Y_UP_Z_BACK);
@@ -400,32 +406,29 @@ pub(in crate::data) fn write(file: &SceneFile, path: &Path, _: Option<u8>) -> Re
             extent[1][axis] = extent[1][axis].max(mean[axis] + reach);
         }
     }
-    write_whole(path, |out| {
-        writeln!(out, "#usda 1.0\n(\n    defaultPrim = \"scene\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n")?;
-        write!(out, "def {PRIM} \"scene\"")?;
-        if !file.trained_with.is_unknown() {
-            let json = serde_json::to_string(&file.trained_with)?.replace('\\', "\\\\").replace('"', "\\\"");
-            write!(out, " (\n    customData = {{\n        string glint = \"{json}\"\n    }}\n)")?;
-        }
-        writeln!(out, "\n{{")?;
-        if !turned.is_empty() {
-            array(out, "float3[] extent", &extent)?;
-        }
-        array(out, "point3f[] positions", &turned.means)?;
-        let quats = turned.quats.iter().map(|&quat| quantise::unit(quat).map(|v| v as f32));
-        array(out, "quatf[] orientations", &quats.collect::<Vec<_>>())?;
-        array(out, "float3[] scales", &scales)?;
-        let opacities = turned.opacities.iter().map(|&v| [quantise::opacity(v) as f32]);
-        array(out, "float[] opacities", &opacities.collect::<Vec<_>>())?;
-        writeln!(out, "    uniform int {DEGREE} = {}", turned.sh_degree)?;
-        array(out, &format!("float3[] {HARMONICS}"), &turned.sh)?;
-        if at != DVec3::ZERO {
-            writeln!(out, "    double3 xformOp:translate = ({}, {}, {})", at.x, at.y, at.z)?;
-            writeln!(out, "    uniform token[] xformOpOrder = [\"xformOp:translate\"]")?;
-        }
-        writeln!(out, "}}")
-    })?;
-    Ok(Vec::new())
+    writeln!(out, "#usda 1.0\n(\n    defaultPrim = \"scene\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n")?;
+    write!(out, "def {PRIM} \"scene\"")?;
+    if !file.trained_with.is_unknown() {
+        let json = serde_json::to_string(&file.trained_with)?.replace('\\', "\\\\").replace('"', "\\\"");
+        write!(out, " (\n    customData = {{\n        string glint = \"{json}\"\n    }}\n)")?;
+    }
+    writeln!(out, "\n{{")?;
+    if !turned.is_empty() {
+        array(out, "float3[] extent", &extent)?;
+    }
+    array(out, "point3f[] positions", &turned.means)?;
+    let quats = turned.quats.iter().map(|&quat| quantise::unit(quat).map(|v| v as f32));
+    array(out, "quatf[] orientations", &quats.collect::<Vec<_>>())?;
+    array(out, "float3[] scales", &scales)?;
+    let opacities = turned.opacities.iter().map(|&v| [quantise::opacity(v) as f32]);
+    array(out, "float[] opacities", &opacities.collect::<Vec<_>>())?;
+    writeln!(out, "    uniform int {DEGREE} = {}", turned.sh_degree)?;
+    array(out, &format!("float3[] {HARMONICS}"), &turned.sh)?;
+    if at != DVec3::ZERO {
+        writeln!(out, "    double3 xformOp:translate = ({}, {}, {})", at.x, at.y, at.z)?;
+        writeln!(out, "    uniform token[] xformOpOrder = [\"xformOp:translate\"]")?;
+    }
+    writeln!(out, "}}")
 }
 
 /// Writes an array with one element a line.
