@@ -3,6 +3,7 @@
 use std::io::{self, Read, Write};
 
 use flate2::{Compression, read::GzDecoder, write::GzEncoder};
+use zip::read::ZipFile;
 
 /// Maximum decompressed bytes per byte of a scene's file. Positions and rotations hardly compress, so real
 /// scenes grow 2 to 8 times; gzip's limit is 1,032 and zstd's 32,768.
@@ -27,6 +28,16 @@ pub(super) fn gzip(bytes: &[u8], limit: u64) -> Result<(Vec<u8>, bool), String> 
     let more = out.len() as u64 > limit;
     out.truncate(usize::try_from(limit).unwrap_or(usize::MAX));
     Ok((out, more))
+}
+
+/// Reads a file of a ZIP archive of `have` bytes to its end, which verifies its checksum.
+pub(super) fn zipped(mut file: ZipFile<'_, impl Read>, have: usize, name: &str) -> Result<Vec<u8>, String> {
+    let fail = |why: String| format!("`{name}` in the archive cannot be read: {why}");
+    let size = file.size();
+    check_promise(have, size, &format!("`{name}`"))?;
+    let mut out = Vec::new();
+    file.by_ref().take(size + 1).read_to_end(&mut out).map_err(|error| fail(error.to_string()))?;
+    if out.len() as u64 == size { Ok(out) } else { Err(fail(format!("it is not {size} bytes"))) }
 }
 
 /// Compresses all bytes to a gzip stream.

@@ -3,7 +3,7 @@
 //! Source: "Usdz File Format Specification", openusd.org, version 1.3. Nothing is compressed, and each file's data begin at a multiple of
 //! 64 bytes. OpenUSD walks through the headers before the files, so these have the sizes, in 32 bits.
 
-use std::io::{self, BufWriter, Cursor, Read, Write};
+use std::io::{self, BufWriter, Cursor, Write};
 use std::path::Path;
 
 use zip::write::SimpleFileOptions;
@@ -27,17 +27,9 @@ pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Res
 fn read(bytes: &[u8]) -> Result<SceneFile, String> {
     let mut archive =
         ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("is not a sound ZIP archive: {error}"))?;
-    let mut layer = archive.by_index(0).map_err(|error| format!("the archive's first file cannot be read: {error}"))?;
+    let layer = archive.by_index(0).map_err(|error| format!("the archive's first file cannot be read: {error}"))?;
     let name = usd::shown(&layer.name().unwrap_or_default());
-    let size = layer.size();
-    inflate::check_promise(bytes.len(), size, &format!("`{name}`"))?;
-    let fail = |why: String| format!("`{name}` in the archive cannot be read: {why}");
-    let mut text = Vec::new();
-    // Reading to the end verifies the checksum.
-    layer.by_ref().take(size + 1).read_to_end(&mut text).map_err(|error| fail(error.to_string()))?;
-    if text.len() as u64 != size {
-        return Err(fail(format!("it is not {size} bytes")));
-    }
+    let text = inflate::zipped(layer, bytes.len(), &name)?;
     match Kind::of(&text, Path::new(&name)) {
         Kind::Usda => usd::read(&text).map_err(|what| format!("`{name}` in the archive: {what}")),
         kind => Err(format!("its first file `{name}` is {kind}, expected OpenUSD as text{}", kind.advice())),

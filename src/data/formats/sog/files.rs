@@ -1,6 +1,6 @@
 //! Opens the files of an SOG scene, and decodes its images.
 
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 use std::path::{Component, Path};
 
 use image::codecs::{png::PngDecoder, webp::WebPDecoder};
@@ -60,14 +60,9 @@ impl<'a> Files<'a> {
     pub(super) fn read(&mut self, name: &str) -> Result<Vec<u8>, String> {
         match self {
             Files::Archive { archive, prefix, have } => {
-                let fail = |why: String| format!("`{name}` in the archive cannot be read: {why}");
-                let mut file = archive.by_name(&format!("{prefix}{name}")).map_err(|error| fail(error.to_string()))?;
-                let size = file.size();
-                inflate::check_promise(*have, size, &format!("`{name}`"))?;
-                let mut out = Vec::new();
-                // Reading to the end verifies the checksum.
-                file.by_ref().take(size + 1).read_to_end(&mut out).map_err(|error| fail(error.to_string()))?;
-                if out.len() as u64 == size { Ok(out) } else { Err(fail(format!("it is not {size} bytes"))) }
+                let file = archive.by_name(&format!("{prefix}{name}"));
+                let file = file.map_err(|error| format!("`{name}` in the archive cannot be read: {error}"))?;
+                inflate::zipped(file, *have, name)
             }
             Files::Folder { meta, .. } if name == META => Ok(meta.to_vec()),
             Files::Folder { folder, have, .. } => {
