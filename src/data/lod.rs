@@ -44,10 +44,12 @@ pub fn coarser(gaussians: &Gaussians, count: usize) -> (Gaussians, Vec<u32>) {
 /// Up to `most` pairs without a common member, cheapest first.
 fn cheapest(gaussians: &Gaussians, splats: &[Splat], most: usize) -> Vec<[u32; 2]> {
     let near = NonZeroUsize::new((NEIGHBOURS + 1).min(splats.len())).unwrap_or(NonZeroUsize::MIN);
-    let Ok(tree) = ImmutableKdTree::<f32, 3>::new_from_slice(&gaussians.means) else { return Vec::new() };
+    let tree = ImmutableKdTree::<f32, 3>::new_from_slice(&gaussians.means).ok();
     let of = |i: usize| {
-        let found = tree.query(&gaussians.means[i]).nearest_n::<SquaredEuclidean<f32>>(near).execute();
-        let others = found.into_iter().map(|item| item.item as usize).filter(move |&other| other != i);
+        let near = |tree: &ImmutableKdTree<f32, 3>| {
+            tree.query(&gaussians.means[i]).nearest_n::<SquaredEuclidean<f32>>(near).execute()
+        };
+        let others = tree.iter().flat_map(near).map(|item| item.item as usize).filter(move |&other| other != i);
         others.map(move |other| [i.min(other) as u32, i.max(other) as u32]).collect::<Vec<_>>()
     };
     let mut pairs: Vec<[u32; 2]> = (0..splats.len()).into_par_iter().flat_map_iter(of).collect();
@@ -59,10 +61,11 @@ fn cheapest(gaussians: &Gaussians, splats: &[Splat], most: usize) -> Vec<[u32; 2
     let mut costs: Vec<(f64, [u32; 2])> = pairs.par_iter().map(cost).collect();
     costs.par_sort_unstable_by(|(a, pair), (b, other)| a.total_cmp(b).then(pair.cmp(other)));
     let mut taken = vec![false; splats.len()];
-    let free = |&[i, j]: &[u32; 2]| {
-        let free = !taken[i as usize] && !taken[j as usize];
-        (taken[i as usize], taken[j as usize]) =
-            if free { (true, true) } else { (taken[i as usize], taken[j as usize]) };
+    let free = |pair: &[u32; 2]| {
+        let free = pair.iter().all(|&i| !taken[i as usize]);
+        if free {
+            pair.iter().for_each(|&i| taken[i as usize] = true);
+        }
         free
     };
     let found: Vec<[u32; 2]> = costs.into_iter().map(|(_, pair)| pair).filter(free).take(most).collect();
@@ -158,7 +161,7 @@ impl Splat {
     }
 }
 
-/// The mean of the products of two scales: the mean area of an ellipsoid's projections lies between this and √3 times it, up to π.
+/// The mean of the products of two scales. The mean area of an ellipsoid's projections is π times this for a ball, 1.5 π for a disc.
 fn area(scales: DVec3) -> f64 {
     (scales.x * scales.y + scales.y * scales.z + scales.z * scales.x) / 3.0
 }

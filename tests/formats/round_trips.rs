@@ -51,12 +51,12 @@ fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestC
         return Ok(());
     }
     prop_assert_eq!(back.sh_degree, if ending == "splat" { 0 } else { before.sh_degree });
-    if !["glb", "usda", "spz", "splat"].contains(&ending) {
+    if !["glb", "usda", "usdz", "spz", "splat"].contains(&ending) {
         return Ok(());
     }
     prop_assert!(largest(before, back, opacity) <= 0.5 / 255.0 + ROUNDING);
     let (angle, exact) = match ending {
-        "glb" | "usda" => (ROUNDING, true),
+        "glb" | "usda" | "usdz" => (ROUNDING, true),
         "spz" => (2.0 * 2.0 * 3f64.sqrt() * 0.5 / (511.0 * 2f64.sqrt()), false),
         _ => (2.0 / 128.0 * 1.01, true),
     };
@@ -74,9 +74,9 @@ fn check(ending: &str, before: &Gaussians, back: &Gaussians) -> Result<(), TestC
 fn every_scene_comes_back_from_every_format() {
     let folder = tempfile::tempdir().unwrap();
     let config = Config { cases: 48, failure_persistence: None, ..Config::default() };
-    for ending in ["glb", "usda", "compressed.ply", "rad", "sog", "splat", "spz"] {
-        let path = folder.path().join(format!("scene.{ending}"));
-        let again = folder.path().join(format!("again.{ending}"));
+    for &format in SceneFormat::ALL.iter().filter(|format| format.ending != "ply") {
+        let ending = format.ending;
+        let [path, again] = ["scene", "again"].map(|stem| named(folder.path(), stem, format));
         let round = |base: Gaussians| {
             let fail = |error: glint::Error| TestCaseError::fail(format!("{ending}: {error}"));
             let file = |base: &Gaussians| SceneFile::from(Scene { base: base.clone(), ..Default::default() });

@@ -2,7 +2,7 @@
 //! their Gaussians at each level, so that viewers load what they see as fine as they see it.
 //!
 //! Source: PlayCanvas' splat-transform, version 1 of the file. A leaf has, by level, the number of a file in `filenames`, and the range
-//! of its Gaussians there. Level 0 is the finest. Boxes hold the ellipsoids of one standard deviation.
+//! of its Gaussians there. Level 0 is the finest. A box holds its Gaussians' boxes of one standard deviation.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -131,10 +131,8 @@ impl Units<'_> {
         let longest = (0..3).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
         let middle = members.len() / 2;
         // The order of equal coordinates is that of their numbers, so that the cut is always the same.
-        let key = |&i: &usize| (base.means[i][longest], i);
-        members.select_nth_unstable_by(middle, |a, b| {
-            let ((x, i), (y, j)) = (key(a), key(b));
-            x.total_cmp(&y).then(i.cmp(&j))
+        members.select_nth_unstable_by(middle, |&a, &b| {
+            base.means[a][longest].total_cmp(&base.means[b][longest]).then(a.cmp(&b))
         });
         let upper = members.split_off(middle);
         let children = vec![self.node(base, members)?, self.node(base, upper)?];
@@ -194,7 +192,9 @@ impl Bound {
             let scales = DVec3::from_array(gaussians.log_scales[i].map(|v| f64::from(v).exp()));
             let half = (0..3).map(|k| (axes.col(k) * scales[k]).abs()).sum::<DVec3>();
             let mean = DVec3::from_array(gaussians.means[i].map(f64::from));
-            Bound { min: (mean - half).as_vec3().to_array(), max: (mean + half).as_vec3().to_array() }
+            // JSON has no infinity.
+            let corner = |at: DVec3| at.to_array().map(|v| v.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32);
+            Bound { min: corner(mean - half), max: corner(mean + half) }
         });
         boxes.reduce(Bound::with).unwrap_or_default()
     }
