@@ -11,6 +11,8 @@ use crate::{Error, Result};
 
 /// Prefix of the names of unfinished files.
 const PREFIX: &str = ".glint-";
+/// File of an unfinished folder that tells [`sweep`] that it is in use.
+const LOCK: &str = "lock";
 /// Age from which an unlocked temporary file counts as left by a dead process: a live one locks its file a
 /// moment after making it.
 const STALE: Duration = Duration::from_secs(60);
@@ -81,6 +83,8 @@ pub(super) fn replace_folder(
     }
     let beside = || tempfile::Builder::new().prefix(PREFIX).tempdir_in(parent(&target)).map_err(at);
     let new = beside()?;
+    let lock = File::create(new.path().join(LOCK)).map_err(at)?;
+    let _ = lock.try_lock();
     let scene = new.path().join("scene");
     fs::create_dir(&scene).map_err(at)?;
     fill(&scene).map_err(at)?;
@@ -96,13 +100,16 @@ pub(super) fn parent(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Removes unfinished files that killed runs left in `folder`, and returns their paths. Files of running
+/// Removes unfinished files and folders that killed runs left in `folder`, and returns their paths. Those of running
 /// processes are locked or young, and stay.
 pub fn sweep(folder: impl AsRef<Path>) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let ours = |name: &std::ffi::OsStr| name.to_str().is_some_and(|name| name.starts_with(PREFIX));
-    let files = entries.filter(|entry| ours(&entry.file_name()) && entry.file_type().is_ok_and(|kind| kind.is_file()));
-    files.map(|entry| entry.path()).filter(|path| is_stale(path) && fs::remove_file(path).is_ok()).collect()
+    let gone = |path: &PathBuf| match path.is_dir() {
+        true => is_stale(&path.join(LOCK)) && fs::remove_dir_all(path).is_ok(),
+        false => is_stale(path) && fs::remove_file(path).is_ok(),
+    };
+    entries.filter(|entry| ours(&entry.file_name())).map(|entry| entry.path()).filter(gone).collect()
 }
 
 fn is_stale(path: &Path) -> bool {
@@ -152,12 +159,18 @@ mod tests {
         make(".other", 2 * STALE);
         make("scene.ply", 2 * STALE);
         fs::create_dir(folder.path().join(".glint-folder")).unwrap();
+        for (name, age) in [(".glint-web/lock", 2 * STALE), (".glint-new/lock", Duration::ZERO)] {
+            fs::create_dir(folder.path().join(name).parent().unwrap()).unwrap();
+            make(name, age);
+        }
         let busy = make(".glint-busy", 2 * STALE);
         busy.lock().unwrap();
-        assert_eq!(sweep(folder.path()), [folder.path().join(".glint-dead")]);
+        let mut swept = sweep(folder.path());
+        swept.sort();
+        assert_eq!(swept, [".glint-dead", ".glint-web"].map(|name| folder.path().join(name)));
         drop(busy);
         assert_eq!(sweep(folder.path()), [folder.path().join(".glint-busy")]);
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5);
         assert!(sweep(folder.path().join("nowhere")).is_empty());
     }
 
