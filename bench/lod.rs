@@ -1,5 +1,5 @@
 //! Measures levels of detail. Renders of merged scenes against renders of the whole one (PSNR), beside as many Gaussians drawn at random,
-//! and beside those that hold back the most light:
+//! and beside those of the greatest opacity times area:
 //!
 //!     cargo bench --bench lod -- SCENE.ply DATASET [--levels N] [--size PIXELS]
 //!
@@ -88,7 +88,7 @@ impl Judge {
         // Fibonacci hashing: as good as random, and always the same.
         let mut drawn: Vec<usize> = (0..scene.base.len()).collect();
         drawn.sort_by_key(|&i| (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        let by_mass = lod::by_mass(&scene.base);
+        let by_mass = by_mass(&scene.base);
         let [random, massive] = [&drawn, &by_mass].map(|order| self.psnr(scene, scene.base.reordered(&order[..n])));
         println!("{n:>9} {:>9.2} {:>8.2} {:>8.2} {seconds:>8.2}", self.psnr(scene, level.clone())?, random?, massive?);
         Ok(())
@@ -156,6 +156,17 @@ fn stream(args: &Args) -> Result<()> {
     Judge::new(&scene, cameras)?.line(&scene, &level, seconds)
 }
 
+/// Gaussians in descending order of opacity times area.
+fn by_mass(gaussians: &Gaussians) -> Vec<usize> {
+    let mass = |i: usize| {
+        let [x, y, z] = gaussians.log_scales[i].map(f32::exp);
+        (x * y + y * z + z * x) / (1.0 + (-gaussians.opacities[i]).exp())
+    };
+    let mut order: Vec<usize> = (0..gaussians.len()).collect();
+    order.sort_by(|&i, &j| mass(j).total_cmp(&mass(i)));
+    order
+}
+
 /// Discs on a hilly square of 100 units, with colors of several wavelengths, some of a Gaussian's size.
 fn land(count: usize) -> Gaussians {
     let side = (count as f64).sqrt().ceil();
@@ -185,17 +196,7 @@ fn camera(i: f64, size: u32) -> Camera {
     let forward = -eye.normalize();
     let right = DVec3::Y.cross(forward).normalize();
     let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
-    let (half, focal) = (f64::from(size) / 2.0, f64::from(size) * 0.8);
-    Camera {
-        width: size,
-        height: size,
-        fx: focal,
-        fy: focal,
-        cx: half,
-        cy: half,
-        rotation,
-        translation: -(rotation * eye),
-    }
+    Camera { rotation, translation: -(rotation * eye), ..Camera::new(size, size, f64::from(size) * 0.8) }
 }
 
 fn psnr(a: &[f32], b: &[f32]) -> f64 {

@@ -102,16 +102,11 @@ fn merged(gaussians: &mut Gaussians, splats: &mut Vec<Splat>, pairs: &[[u32; 2]]
 
 impl Splat {
     fn of(gaussians: &Gaussians, i: usize) -> Splat {
-        let [w, x, y, z] = gaussians.quats[i].map(f64::from);
-        let axes = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-        // Of numbers beyond these, products would be 0 or infinite.
-        let scales = DVec3::from_array(gaussians.log_scales[i].map(|v| f64::from(v).clamp(-87.0, 88.0).exp()));
-        let sized = axes * DMat3::from_diagonal(scales);
         let opacity = 1.0 / (1.0 + (-f64::from(gaussians.opacities[i])).exp());
         Splat {
             mean: DVec3::from_array(gaussians.means[i].map(f64::from)),
-            covariance: sized * sized.transpose(),
-            mass: opacity * area(scales),
+            covariance: covariance(gaussians, i),
+            mass: opacity * area(scales(gaussians, i)),
         }
     }
 
@@ -161,17 +156,22 @@ impl Splat {
     }
 }
 
+/// Standard deviations along the axes. Products of smaller and larger numbers would be 0 or infinite.
+fn scales(gaussians: &Gaussians, i: usize) -> DVec3 {
+    DVec3::from_array(gaussians.log_scales[i].map(|v| f64::from(v).clamp(-87.0, 88.0).exp()))
+}
+
+/// Covariance of a Gaussian in scene units.
+pub(super) fn covariance(gaussians: &Gaussians, i: usize) -> DMat3 {
+    let [w, x, y, z] = gaussians.quats[i].map(f64::from);
+    let axes = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+    let sized = axes * DMat3::from_diagonal(scales(gaussians, i));
+    sized * sized.transpose()
+}
+
 /// The mean of the products of two scales. The mean area of an ellipsoid's projections is π times this for a ball, 1.5 π for a disc.
 fn area(scales: DVec3) -> f64 {
     (scales.x * scales.y + scales.y * scales.z + scales.z * scales.x) / 3.0
-}
-
-/// Numbers of the Gaussians in the order of their masses, most massive first.
-pub fn by_mass(gaussians: &Gaussians) -> Vec<usize> {
-    let masses: Vec<f64> = (0..gaussians.len()).map(|i| Splat::of(gaussians, i).mass).collect();
-    let mut order: Vec<usize> = (0..gaussians.len()).collect();
-    order.sort_by(|&i, &j| masses[j].total_cmp(&masses[i]));
-    order
 }
 
 #[cfg(test)]

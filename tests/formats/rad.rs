@@ -187,3 +187,12 @@ fn damaged_files_are_refused() {
     header["version"] = 2.into();
     refused("a.rad", &[&headed(b"RAD0", &header), chunks].concat(), &["version 2"]);
 }
+
+/// A short file may name one chunk many times.
+#[test]
+fn chunks_in_the_same_bytes_promise_no_more_than_the_file_may() {
+    let bytes = round_trip(&sample(6, 3000, 1), "rad").1;
+    let (mut header, chunks) = split(&bytes, b"RAD0");
+    header["chunks"] = vec![header["chunks"][0].clone(); 1000].into();
+    refused("a.rad", &[&headed(b"RAD0", &header), chunks].concat(), &["promises", "Gaussians up to chunk"]);
+}

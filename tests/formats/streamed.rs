@@ -123,6 +123,7 @@ fn an_index_that_is_wrong_is_refused() {
     refused(&|index| index["tree"]["lods"]["0"]["offset"] = 1.into(), &["from 1 on", "which has 50"]);
     refused(&|index| index["filenames"][0] = "../a/meta.json".into(), &["../a/meta.json", "beside"]);
     refused(&|index| index["filenames"][0] = "5_0/meta.json".into(), &["5_0/meta.json", "cannot be read"]);
+    refused(&|index| index["filenames"][1] = "0_0/meta.json".into(), &["0_0/meta.json", "twice"]);
     refused(&|index| index["tree"] = 1.into(), &["not understood"]);
     // An environment is part of the scene, and leaves without the finest level show what they have.
     let mut index = index.clone();

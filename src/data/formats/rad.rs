@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::common::{append, put, room};
 use super::{inflate, order, quantise};
 use crate::data::{SceneFile, lod};
-use crate::scene::{Gaussians, Scene, layout};
+use crate::scene::{Gaussians, Scene};
 use crate::{Error, Result};
 
 /// Gaussians in a chunk.
@@ -263,7 +263,7 @@ fn read(bytes: &[u8]) -> Result<SceneFile, String> {
     if header.version != 1 || header.kind != "gsplat" {
         return Err(format!("is RAD version {} of {}; version 1 of gsplat is read", header.version, header.kind));
     }
-    let mut all = None;
+    let (mut all, mut promised) = (None, 0u64);
     for (number, place) in header.chunks.iter().enumerate() {
         if let Some(name) = &place.filename {
             return Err(format!("has its chunks in other files, such as `{name}`; glint reads one file"));
@@ -272,7 +272,11 @@ fn read(bytes: &[u8]) -> Result<SceneFile, String> {
         let end = place.offset.checked_add(place.bytes);
         let at = end.and_then(|end| bytes.get(begin..)?.get(place.offset..end));
         let at = at.ok_or_else(|| format!("{what} ends beyond the file's {} bytes", bytes.len()))?;
-        append(&mut all, leaves(at, &what, header.lod_tree)?);
+        let (chunk, payload) = self::header::<Chunk>(at, b"RADC", &what)?;
+        // Several chunks may lie in the same bytes, so the limit holds for their sum.
+        promised = promised.saturating_add(chunk.bytes());
+        inflate::check_promise(bytes.len(), promised, &format!("Gaussians up to {what}"))?;
+        append(&mut all, leaves(&chunk, at.get(payload + 8..).unwrap_or(&[]), &what, header.lod_tree)?);
     }
     Ok(Scene { base: all.unwrap_or_default(), ..Default::default() }.into())
 }
@@ -291,19 +295,10 @@ fn header<T: for<'a> Deserialize<'a>>(bytes: &[u8], magic: &[u8; 4], what: &str)
     Ok((header, (8 + length).next_multiple_of(8)))
 }
 
-fn leaves(bytes: &[u8], what: &str, tree: bool) -> Result<Gaussians, String> {
-    let (chunk, begin) = header::<Chunk>(bytes, b"RADC", what)?;
-    let payload = bytes.get(begin + 8..).unwrap_or(&[]);
+fn leaves(chunk: &Chunk, payload: &[u8], what: &str, tree: bool) -> Result<Gaussians, String> {
     if chunk.max_sh > 3 {
         return Err(format!("{what} has harmonics of degree {}, expected 0 to 3", chunk.max_sh));
     }
-    let k = layout::coefficients(chunk.max_sh);
-    let size = (size_of::<[f32; 14]>() + 12 * k) as u64;
-    inflate::check_promise(
-        bytes.len(),
-        size.saturating_mul(chunk.count as u64),
-        &format!("{} Gaussians", chunk.count),
-    )?;
     let values = |name: &str, dimensions: usize| -> Result<Vec<f32>, String> {
         let property = chunk.properties.iter().find(|property| property.property == name);
         let property = property.ok_or_else(|| format!("{what} lacks `{name}`"))?;
@@ -330,6 +325,15 @@ fn leaves(bytes: &[u8], what: &str, tree: bool) -> Result<Gaussians, String> {
         }
     }
     Ok(out)
+}
+
+impl Chunk {
+    /// Bytes of its Gaussians.
+    fn bytes(&self) -> u64 {
+        let coefficients = (u64::from(self.max_sh) + 1).saturating_pow(2);
+        let each = size_of::<[f32; 11]>() as u64 + coefficients.saturating_mul(12);
+        each.saturating_mul(self.count as u64)
+    }
 }
 
 impl Property {

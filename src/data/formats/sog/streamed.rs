@@ -1,14 +1,14 @@
 //! Reads and writes streamed SOG: a folder of SOG scenes with levels of detail, and `lod-meta.json`, a tree of boxes whose leaves name
 //! their Gaussians at each level, so that viewers load what they see as fine as they see it.
 //!
-//! Source: PlayCanvas' splat-transform, version 1 of the file. A leaf has, by level, the number of a file in `filenames`, and the range
-//! of its Gaussians there. Level 0 is the finest. A box holds its Gaussians' boxes of one standard deviation.
+//! Source: PlayCanvas' splat-transform, version 1 of the file. At each level, a leaf has the number of a file in `filenames` and a range of
+//! Gaussians in that file. Level 0 is the finest. A box encloses its Gaussians up to one standard deviation.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fs;
 use std::path::Path;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::super::order;
@@ -187,10 +187,8 @@ impl Units<'_> {
 impl Bound {
     fn of(gaussians: &Gaussians) -> Bound {
         let boxes = (0..gaussians.len()).map(|i| {
-            let [w, x, y, z] = gaussians.quats[i].map(f64::from);
-            let axes = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-            let scales = DVec3::from_array(gaussians.log_scales[i].map(|v| f64::from(v).exp()));
-            let half = (0..3).map(|k| (axes.col(k) * scales[k]).abs()).sum::<DVec3>();
+            let covariance = lod::covariance(gaussians, i);
+            let half = DVec3::from_array([0, 1, 2].map(|axis| covariance.col(axis)[axis].sqrt()));
             let mean = DVec3::from_array(gaussians.means[i].map(f64::from));
             // JSON has no infinity.
             let corner = |at: DVec3| at.to_array().map(|v| v.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32);
@@ -226,6 +224,11 @@ pub(super) fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, Str
         index.filenames.push(name);
         index.filenames.len() - 1
     });
+    // A scene could be read again and again under many numbers.
+    let mut names = HashSet::new();
+    if let Some(twice) = index.filenames.iter().find(|name| !names.insert(*name)) {
+        return Err(format!("names `{twice}` twice"));
+    }
     let mut files = Files::Folder { meta: b"", folder, have: bytes.len() };
     let (mut all, mut origin, mut trained_with) = (None, DVec3::ZERO, TrainedWith::default());
     for file in ranges.keys().copied().chain(environment) {
