@@ -123,12 +123,12 @@ fn an_index_that_is_wrong_is_refused() {
     refused(&|index| index["tree"]["lods"]["0"]["offset"] = 1.into(), &["from 1 on", "which has 50"]);
     refused(&|index| index["filenames"][0] = "../a/meta.json".into(), &["../a/meta.json", "beside"]);
     refused(&|index| index["filenames"][0] = "5_0/meta.json".into(), &["5_0/meta.json", "cannot be read"]);
-    refused(&|index| index["filenames"][1] = "0_0/meta.json".into(), &["0_0/meta.json", "twice"]);
+    refused(&|index| index["environment"] = "0_0/meta.json".into(), &["0_0/meta.json", "twice"]);
     refused(&|index| index["tree"] = 1.into(), &["not understood"]);
     // An environment is part of the scene, and leaves without the finest level show what they have.
     let mut index = index.clone();
-    index["environment"] = "1_0/meta.json".into();
+    index["environment"] = "0_0/meta.json".into();
     index["tree"]["lods"].as_object_mut().unwrap().remove("0");
     fs::write(&path, index.to_string()).unwrap();
-    assert_eq!(read_scene(&path).unwrap().base.len(), 50);
+    assert_eq!(read_scene(&path).unwrap().base.len(), 25 + 50);
 }

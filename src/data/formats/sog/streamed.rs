@@ -224,17 +224,17 @@ pub(super) fn read(bytes: &[u8], folder: Option<&Path>) -> Result<SceneFile, Str
         index.filenames.push(name);
         index.filenames.len() - 1
     });
-    // A scene could be read again and again under many numbers.
+    // Otherwise one file could be read again and again under many numbers.
     let mut names = HashSet::new();
-    if let Some(twice) = index.filenames.iter().find(|name| !names.insert(*name)) {
-        return Err(format!("names `{twice}` twice"));
-    }
     let mut files = Files::Folder { meta: b"", folder, have: bytes.len() };
     let (mut all, mut origin, mut trained_with) = (None, DVec3::ZERO, TrainedWith::default());
     for file in ranges.keys().copied().chain(environment) {
         let Some(name) = index.filenames.get(file) else {
             return Err(format!("has a leaf in file {file}, expected a number below {}", index.filenames.len()));
         };
+        if !names.insert(name) {
+            return Err(format!("names `{name}` twice"));
+        }
         let unit = files.read(name)?;
         let beside = folder.and_then(|folder| folder.join(name).parent().map(Path::to_owned));
         let unit = super::read(&unit, beside.as_deref()).map_err(|what| format!("`{name}` {what}"))?;
