@@ -313,7 +313,8 @@ def load(path: _Path, **options: _Any) -> Scene:
 
 
 def save(scene: Scene, path: _Path, **options: _Any) -> None:
-    """Writes a scene. The ending of the path chooses the format: .ply, .glb, .compressed.ply, .sog, .spz, .usda, .usdz or .splat.
+    """Writes a scene. The ending of the path chooses the format: .ply, .glb, .compressed.ply, .sog, FOLDER/lod-meta.json,
+    .rad, .spz, .usda, .usdz or .splat.
 
     The file appears whole or not at all.
 
