@@ -77,13 +77,13 @@ pub fn page(title: &str, truths: &[Truth], entries: &[Entry], history: &[Record]
         let _ =
             write!(explained, " {PARTS_EXPLAINED} Specular light is shown {SPECULAR_GAIN} times as bright as it is.");
     }
-    let mut sections = vec![("scenes", "Scenes".to_owned(), table_of_scenes(entries))];
+    let seen = format!("{} view{}", truths.len(), if truths.len() == 1 { "" } else { "s" });
+    let mut sections = vec![("views", seen, views(truths, entries, in_parts))];
+    sections.push(("scenes", "Scenes".to_owned(), table_of_scenes(entries) + &table_of_views(entries)));
     for (k, holdout) in holdouts(history).into_iter().enumerate() {
         let head = format!("Work and precision: hold-out {}", escape(holdout));
         sections.push((if k == 0 { "work" } else { "" }, head, work_precision(&curves(history, holdout))?));
     }
-    let seen = format!("{} view{}", truths.len(), if truths.len() == 1 { "" } else { "s" });
-    sections.push(("views", seen, views(truths, entries, in_parts)));
     for Run { name, plan, .. } in told {
         sections.extend(plan.as_ref().map(|plan| ("", format!("Plan of {}", escape(name)), spending::html(plan))));
     }
@@ -99,8 +99,8 @@ pub fn page(title: &str, truths: &[Truth], entries: &[Entry], history: &[Record]
     }
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <title>{title}</title>\n<style>{STYLE}</style>\n</head><body><h1>{title}</h1>\n<p>{explained}</p>\n\
-         <nav>{links}</nav>\n{body}<script>{SCRIPT}</script></body></html>\n"
+         <title>{title}</title>\n<style>{STYLE}</style>\n</head><body><h1>{title}</h1>\n\
+         <nav>{links}</nav>\n{body}<p>{explained}</p>\n<script>{SCRIPT}</script></body></html>\n"
     ))
 }
 
@@ -110,33 +110,57 @@ const EXPLAINED: &str = "PSNR and SSIM compare renders, not quantized and clampe
 const PARTS_EXPLAINED: &str = "Diffuse light comes from the base's constant colors; specular light is the rest. If the \
     true parts are known, PSNR of both in linear light is given.";
 
-/// Tables wider than the window have their own scroll bar, with a fixed first column.
-const STYLE: &str = "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222;background:#fff}h1{font-size:1.3rem}\
-    h2{font-size:1.1rem;margin-top:2rem}h3{font-size:1rem}p{max-width:60rem;color:#555}table{border-collapse:collapse}\
-    th,td{padding:.3rem .6rem;text-align:right;vertical-align:top;border-bottom:1px solid #e3e3e3;font-variant-numeric:tabular-nums}\
+/// Tables wider than the window have their own scroll bar, with a fixed first column. Colors follow the reader's light or dark theme; plots
+/// stay light. Printed pages have no controls.
+const STYLE: &str = ":root{color-scheme:light dark;--back:#fff;--text:#222;--dim:#555;--line:#ddd}\
+    @media(prefers-color-scheme:dark){:root{--back:#181818;--text:#ddd;--dim:#aaa;--line:#444}}\
+    body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:var(--text);background:var(--back)}h1{font-size:1.3rem}\
+    h2{font-size:1.1rem;margin-top:2rem}h3{font-size:1rem}p{max-width:60rem;color:var(--dim)}table{border-collapse:collapse}\
+    th,td{padding:.3rem .6rem;text-align:right;vertical-align:top;border-bottom:1px solid var(--line);font-variant-numeric:tabular-nums}\
     th{white-space:nowrap}th.picture,td:first-child,th:first-child{text-align:left}tfoot td{font-weight:600;border-top:2px solid #888}\
-    img{display:block;max-width:400px;height:auto}\
+    img{display:block;max-width:400px;height:auto}a{color:inherit}\
     h1,h2,h3,.scroll td:first-child{overflow-wrap:anywhere}.scroll td:first-child{min-width:6rem}nav a{margin-right:1rem}.scroll{overflow-x:auto;\
-    margin-bottom:1rem}.scroll th:first-child,.scroll td:first-child{position:sticky;left:0;background:#fff}\
-    .view{display:flex;flex-wrap:wrap;gap:1rem 1.5rem;align-items:flex-start;border-top:1px solid #ccc;padding:1rem 0}\
-    .view h3{flex-basis:100%;margin:0}.slider{width:min(400px,100%)}.pair{position:relative;line-height:0}.pair img{width:100%}\
-    .pair .left{position:absolute;left:0;top:0}.slider input{width:100%;margin:.4rem 0}.view .scroll{flex:1 1 640px;min-width:0;\
+    margin-bottom:1rem}.scroll th:first-child,.scroll td:first-child{position:sticky;left:0;background:var(--back)}\
+    .view{display:flex;flex-wrap:wrap;gap:1rem 1.5rem;align-items:flex-start;border-top:1px solid var(--line);padding:1rem 0;\
+    scroll-margin-top:3rem}.view h3{flex-basis:100%;margin:0}.slider{width:min(640px,100%)}\
+    .pair{position:relative;overflow:hidden;line-height:0;cursor:ew-resize;touch-action:pan-y;user-select:none}\
+    .side{isolation:isolate;overflow:hidden}.side.left,.over{position:absolute;inset:0}.side img{width:100%;max-width:none}\
+    .over{mix-blend-mode:screen}[hidden]{display:none}.slider input{width:100%;margin:.4rem 0}.view .scroll{flex:1 1 640px;min-width:0;\
     margin:0}.view td img{width:clamp(80px,8vw,160px)}img.small{image-rendering:pixelated}\
-    .score{display:block;font-size:.85em;text-align:left}.choice{position:sticky;top:0;background:#fff;padding:.5rem 0;z-index:1}\
+    .score{display:block;font-size:.85em;text-align:left}.choice{position:sticky;top:0;background:var(--back);padding:.5rem 0;margin:0;z-index:1}\
     .choice label{display:inline-block;margin-right:1rem}.choice select{max-width:60vw}\
-    .curves{display:flex;flex-wrap:wrap;gap:.5rem}.curves svg{max-width:100%;height:auto}pre.plan{overflow-x:auto}\
-    summary{cursor:pointer;color:#555}.key{display:inline-block;width:.9em;height:.9em;margin-right:.4em}\
+    .curves{display:flex;flex-wrap:wrap;gap:.5rem}.curves svg{max-width:100%;height:auto;background:#fff}pre.plan{overflow-x:auto}\
+    summary{cursor:pointer;color:var(--dim)}.key{display:inline-block;width:.9em;height:.9em;margin-right:.4em}\
     .views th{white-space:normal}\
-    @media(max-width:700px){body{margin:1rem;font-size:13px}th,td{padding:.25rem .4rem}}";
+    @media(max-width:700px){body{margin:1rem;font-size:13px}th,td{padding:.25rem .4rem}}\
+    @media print{nav,.choice,.slider input,.hint{display:none}.scroll{overflow:visible}.slider{width:20rem}.slider,tr,.curves svg{break-inside:avoid}}";
 
-/// Shows the two selected pictures in every view, with a movable border between them.
-const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice=[...document.querySelectorAll('.choice select')];\
-    const show=()=>views.forEach(view=>{const shots=view.querySelectorAll('.shot');\
-    ['left','right'].forEach((side,i)=>{const shot=shots[choice[i].value],image=view.querySelector('.'+side);\
-    image.src=shot.src;image.alt=shot.alt;image.classList.toggle('small',shot.classList.contains('small'))})});\
-    views.forEach(view=>{const range=view.querySelector('input'),left=view.querySelector('.left');\
-    const cut=()=>left.style.clipPath=`inset(0 ${100-range.value}% 0 0)`;range.oninput=cut;cut()});\
-    choice[1].value=choice[1].options.length-1;choice.forEach(select=>select.onchange=show);show();";
+const HINT: &str = "Drag across a picture to move the border, double-click to enlarge. Keys: ← → border, + − size, e errors, \
+    j k next and previous view.";
+
+/// Shows the two selected pictures in every view, with a movable border between them. Keys act on the view that was used last.
+const SCRIPT: &str = "const views=[...document.querySelectorAll('.view')],choice=[...document.querySelectorAll('.choice select')],\
+    errors=document.querySelector('.choice input');let now=0;\
+    const show=()=>views.forEach(view=>{const rows=[...view.querySelectorAll('tbody tr')];\
+    ['left','right'].forEach((side,i)=>{const row=rows[choice[i].value],[image,over]=view.querySelectorAll(`.${side} img`),\
+    shot=row.querySelector('.shot'),error=row.querySelector('.error');\
+    image.src=shot.src;image.alt=shot.alt;image.classList.toggle('small',shot.classList.contains('small'));\
+    over.hidden=!errors.checked||!error;if(error)over.src=error.src})});\
+    const cut=(view,to)=>{const range=view.querySelector('.slider input');if(to!==undefined)range.value=to;\
+    view.querySelector('.left').style.clipPath=`inset(0 ${100-range.value}% 0 0)`};\
+    const size=(view,times,x=50,y=50)=>{const old=+view.dataset.size||1,k=Math.min(16,Math.max(1,old*times));view.dataset.size=k;\
+    view.querySelectorAll('.side img').forEach(image=>{if(old===1)image.style.transformOrigin=`${x}% ${y}%`;\
+    image.style.transform=k>1?`scale(${k})`:''})};\
+    views.forEach((view,i)=>{const pair=view.querySelector('.pair'),range=view.querySelector('.slider input');range.oninput=()=>cut(view);cut(view);\
+    const at=event=>{const box=pair.getBoundingClientRect();return[(event.clientX-box.x)/box.width*100,(event.clientY-box.y)/box.height*100]};\
+    view.onpointerdown=()=>{now=i};pair.onpointermove=event=>{if(event.buttons)cut(view,at(event)[0])};\
+    pair.ondblclick=event=>size(view,(+view.dataset.size||1)<4?4:1/16,...at(event));pair.ondragstart=()=>false});\
+    choice[1].value=choice[1].options.length-1;[...choice,errors].forEach(input=>input.onchange=show);show();\
+    document.onkeydown=event=>{if(event.target.matches('select,input')||event.ctrlKey||event.metaKey||event.altKey)return;\
+    const view=views[now],step={ArrowLeft:-5,ArrowRight:5}[event.key],times={'+':2,'-':.5}[event.key],go={j:1,k:-1}[event.key];\
+    if(step)cut(view,+view.querySelector('.slider input').value+step);else if(times)size(view,times);\
+    else if(event.key==='e'){errors.checked=!errors.checked;show()}\
+    else if(go){now=Math.min(views.length-1,Math.max(0,now+go));views[now].scrollIntoView()}else return;event.preventDefault()};";
 
 fn table_of_scenes(entries: &[Entry]) -> String {
     // A single scene has no other to gain over.
@@ -240,17 +264,18 @@ fn work_precision(curves: &[Curve<'_>]) -> Result<String> {
     Ok(out + "</div>\n")
 }
 
-/// Sliders of all views, and a table of their numbers. `in_parts` adds columns for the parts of light.
+/// Sliders of all views. `in_parts` adds columns for the parts of light.
 fn views(truths: &[Truth], entries: &[Entry], in_parts: bool) -> String {
     let names = std::iter::once("photo".to_owned()).chain(entries.iter().map(|entry| escape(&entry.name)));
     let options: String = names.enumerate().map(|(i, name)| format!("<option value=\"{i}\">{name}</option>")).collect();
     let mut out = format!(
-        "<p class=\"choice\"><label>left <select>{options}</select></label><label>right <select>{options}</select></label></p>\n"
+        "<p class=\"hint\">{HINT}</p><p class=\"choice\"><label>left <select>{options}</select></label><label>right \
+         <select>{options}</select></label><label><input type=\"checkbox\"> errors</label></p>\n"
     );
     for (i, truth) in truths.iter().enumerate() {
         out += &view(i, truth, entries, in_parts);
     }
-    out + &table_of_views(entries)
+    out
 }
 
 /// Slider of one view, with a row for the photo and one for each scene; see [`views`].
@@ -291,17 +316,20 @@ fn view(i: usize, truth: &Truth, entries: &[Entry], in_parts: bool) -> String {
             let _ = write!(table, "<td>{shown}{}</td>", score.unwrap_or_default());
         };
         picture("render", "shot", None);
-        picture("error", "part", None);
+        picture("error", "error", None);
         if in_parts {
             picture("diffuse", "part", parts.map(|q| q.diffuse));
             picture("specular", "part", parts.map(|q| q.specular));
         }
         table += "</tr>\n";
     }
+    let side =
+        |name: &str| format!("<div class=\"side {name}\"><img alt=\"\"><img class=\"over\" alt=\"\" hidden></div>");
     format!(
-        "<section class=\"view\"><h3>{name}</h3><div class=\"slider\"><div class=\"pair\"><img class=\"right\" alt=\"\"><img \
-         class=\"left\" alt=\"\"></div><input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-label=\"border\"></div>\n{}\
+        "<section class=\"view\"><h3>{name}</h3><div class=\"slider\"><div class=\"pair\">{}{}</div><input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-label=\"border\"></div>\n{}\
          </section>\n",
+        side("right"),
+        side("left"),
         scrolling("pictures", &(table + "</tbody>"))
     )
 }
@@ -362,7 +390,7 @@ mod tests {
         assert_eq!((count("<section"), count("type=\"range\""), count("<select>")), (2, 2, 2));
         assert_eq!(count("<option value=\"2\">more&lt;b&gt;</option>"), 2);
         // The photo and two scenes in two views; errors of both scenes, two parts of one.
-        assert_eq!((count("class=\"shot"), count("class=\"part")), (6, 8));
+        assert_eq!([count("class=\"shot"), count("class=\"error"), count("class=\"part")], [6, 4, 4]);
         // Photos are large, all other pictures small.
         assert_eq!((count("data:image/jpeg"), count("data:image/png")), (2, 12));
         // One hold-out has plots over seconds only: no other cost changes within a run.
@@ -374,12 +402,12 @@ mod tests {
         assert!(html.contains("<td>23.50 (22.00 to 25.00)</td>") && html.contains("<td>7</td><td>2</td><td>1234</td>"));
         assert!(html.contains("<td>22.00</td><td>+0.50</td><td>0.7000</td>"), "what is gained over the base");
         assert!(html.contains("<td>mean</td><td>20.12</td><td>0.5000</td><td>Infinity</td><td>0.5000</td>"));
-        // Pictures come before times and memory.
+        // Pictures come first.
         let [scenes, work, views, took] = ["scenes", "work", "views", "took"].map(|id| {
             assert_eq!(count(&format!("href=\"#{id}\"")), 1, "{id}");
             html.find(&format!("<h2 id=\"{id}\">")).unwrap()
         });
-        assert!(scenes < work && work < views && views < took, "{html}");
+        assert!(views < scenes && scenes < work && work < took, "{html}");
         let without = page("x", &truths, &[entry("base", 20.0, false)], &[], &[]).unwrap();
         assert!(!without.contains("<svg") && !without.contains("Work and precision"));
         assert!(!without.contains("over base") && !without.to_lowercase().contains("diffuse"), "{without}");

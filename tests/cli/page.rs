@@ -316,10 +316,12 @@ const LOOK_AT_REPORT: &str = "<script>if (top === self) {
     document.body.append(frame);
     addEventListener('load', () => {
         const all = [...document.images], view = document.querySelector('.view');
-        const [left, right] = ['.left', '.right'].map(side => view.querySelector(side));
-        const range = view.querySelector('input'), select = document.querySelector('.choice select');
+        const [left, right] = ['.left img', '.right img'].map(side => view.querySelector(side));
+        const press = key => document.body.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }));
+        const over = view.querySelector('.left .over'), range = view.querySelector('.slider input'), select = document.querySelector('.choice select');
         const tables = [...document.querySelectorAll('table')].filter(table => table.tBodies[0].rows.length > 0);
-        const seen = { pictures: all.length, broken: all.filter(image => !image.naturalWidth).length, faults,
+        const shown = all.filter(image => !image.hidden);
+        const seen = { pictures: shown.length, broken: shown.filter(image => !image.naturalWidth).length, faults,
             curves: [...document.querySelectorAll('svg')].filter(svg => svg.getBoundingClientRect().height > 50).length,
             sections: [...document.querySelectorAll('h2')].map(head => head.textContent),
             tables: tables.map(table => table.className),
@@ -327,16 +329,20 @@ const LOOK_AT_REPORT: &str = "<script>if (top === self) {
             asked: performance.getEntriesByType('resource').filter(entry => !entry.name.startsWith('data:')).length };
         range.value = 25;
         range.dispatchEvent(new Event('input'));
-        seen.cut = left.style.clipPath;
+        seen.cut = view.querySelector('.left').style.clipPath;
         seen.before = [left.alt, right.alt];
         select.value = '1';
         select.dispatchEvent(new Event('change'));
         seen.after = [left.alt, right.alt];
+        seen.over = getComputedStyle(over).display;
+        ['e', '+', '+', 'ArrowRight'].forEach(press);
+        seen.keys = [over.hidden, over.naturalWidth > 0, left.style.transform, range.value];
+        seen.dark = getComputedStyle(document.body).backgroundColor;
         const narrow = frame.contentDocument, width = narrow.documentElement.clientWidth;
         // What scrolls by itself may hold what is wider.
-        const shown = [...narrow.querySelectorAll('body *')].filter(one => !one.parentElement.closest('.scroll, svg, pre'));
+        const parts = [...narrow.querySelectorAll('body *')].filter(one => !one.parentElement.closest('.scroll, .pair, svg, pre'));
         seen.narrow = { faults: frame.contentWindow.faults, window: frame.contentWindow.innerWidth,
-            wider: shown.filter(one => one.getBoundingClientRect().right > width + 0.5).map(one => one.outerHTML.slice(0, 99)),
+            wider: parts.filter(one => one.getBoundingClientRect().right > width + 0.5).map(one => one.outerHTML.slice(0, 99)),
             scrolls: narrow.documentElement.scrollWidth > width };
         document.body.insertAdjacentHTML('beforeend', `<pre id='seen'></pre>`);
         document.getElementById('seen').textContent = JSON.stringify(seen);
@@ -383,7 +389,7 @@ fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
     let html = html.replacen("<head>", &format!("<head>{COUNT_FAULTS}"), 1);
     // In any folder.
     fs::write(path("elsewhere.html"), html.replacen("</body>", &format!("{LOOK_AT_REPORT}</body>"), 1)).unwrap();
-    let page = loaded(&browser, &path("elsewhere.html"), "", &[]);
+    let page = loaded(&browser, &path("elsewhere.html"), "", &["--blink-settings=preferredColorScheme=0"]);
     let (_, seen) = page.split_once("<pre id=\"seen\">").unwrap();
     let seen = seen.split_once("</pre>").unwrap().0.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
     let seen: serde_json::Value = serde_json::from_str(&seen).unwrap();
@@ -399,17 +405,17 @@ fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
     assert_eq!(seen["curves"], 4, "{seen}");
     let plan = format!("Plan of {name}");
     let expected = [
+        "2 views",
         "Scenes",
         "Work and precision: hold-out every",
         "Work and precision: hold-out sector",
-        "2 views",
         &plan,
         "Time and memory",
     ];
     assert_eq!(seen["sections"], json!(expected), "{seen}");
     assert_eq!(
         seen["tables"],
-        json!(["scenes", "ends", "ends", "pictures", "pictures", "views", "took", "stages"]),
+        json!(["pictures", "pictures", "scenes", "views", "ends", "ends", "took", "stages"]),
         "{seen}"
     );
     assert_eq!(seen["cut"], "inset(0px 75% 0px 0px)", "{seen}");
@@ -417,6 +423,11 @@ fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
     // First the photograph next to the last scene; then the base next to it.
     assert!(alt("before", 0).contains("photo") && alt("before", 1).contains(name), "{seen}");
     assert!(alt("after", 0).contains("base") && alt("after", 1) == alt("before", 1), "{seen}");
+    // The reader's dark theme.
+    assert_eq!(seen["dark"], "rgb(24, 24, 24)", "{seen}");
+    // No errors at first; then they are shown, pictures are enlarged by two keys, and another moves the border.
+    assert_eq!(seen["over"], "none", "{seen}");
+    assert_eq!(seen["keys"], json!([false, true, "scale(4)", "30"]), "{seen}");
     let narrow = &seen["narrow"];
     assert_eq!(
         (&narrow["window"], &narrow["wider"], &narrow["scrolls"]),
