@@ -25,26 +25,26 @@ use crate::{
 pub(super) struct DatasetArgs {
     /// Folder of the photos: a path, or a name in the dataset [default: the dataset's own folder, else
     /// images, input, images_2, images_4 or images_8]
-    #[arg(long, value_name = "DIR", help_heading = "Dataset")]
+    #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
     /// Folder of the COLMAP model: a path, or a name in the dataset [default: the first of sparse/0,
     /// sparse, the dataset, sparse/1 and on, colmap/sparse/0 and the like]
-    #[arg(long, value_name = "DIR", help_heading = "Dataset")]
+    #[arg(long, value_name = "DIR")]
     model: Option<PathBuf>,
     /// Test photos: every N-th by name, from the first on; sector, a contiguous eighth of the cameras (by
     /// angle in an orbit, else one end of their largest spread); or none [default: as the dataset says,
     /// else 8]
-    #[arg(long, alias = "test-every", value_name = "N|sector|none", help_heading = "Dataset")]
+    #[arg(long, alias = "test-every", value_name = "N|sector|none")]
     holdout: Option<Holdout>,
     /// Choose settings without the test photos: leave these out and test on every 8th of the others
-    #[arg(long, help_heading = "Dataset")]
+    #[arg(long)]
     tune: bool,
     /// Meaning of transparent pixels in photos
-    #[arg(long, value_enum, default_value_t, help_heading = "Dataset")]
+    #[arg(long, value_enum, default_value_t)]
     alpha: Alpha,
     /// The dataset is a plan of glint partition: read this part of it, from 0. The plan decides all other
     /// options of the dataset
-    #[arg(long, value_name = "N", help_heading = "Dataset", conflicts_with_all = ["images", "model", "holdout", "tune", "alpha"])]
+    #[arg(long, value_name = "N", conflicts_with_all = ["images", "model", "holdout", "tune", "alpha"])]
     part: Option<u32>,
 }
 

@@ -89,7 +89,6 @@ pub(super) struct Args {
     learn: LearnArgs,
     #[command(flatten)]
     device: DeviceArgs,
-    // Must be last: its help heading also applies to the options after it.
     #[command(flatten)]
     choices: ChoiceArgs,
 }

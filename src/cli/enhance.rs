@@ -94,7 +94,6 @@ enum Weights {
 /// Options for every ⚖ of docs/method.md.
 #[derive(Debug, clap::Args, Serialize)]
 #[serde(rename_all = "kebab-case")]
-#[command(next_help_heading = "Points that the paper leaves open")]
 pub(super) struct ChoiceArgs {
     /// Rounds of the screen phase of --method augs [default: paper; demo: quick]
     #[arg(long, value_enum)]
@@ -238,7 +237,6 @@ pub(super) struct Args {
     #[command(flatten)]
     #[serde(skip)]
     device: DeviceArgs,
-    // Must be last: its help heading also applies to the options after it.
     #[command(flatten)]
     #[serde(flatten)]
     choices: ChoiceArgs,

@@ -15,6 +15,7 @@ pub mod embed;
 mod enhance;
 mod eval;
 mod export;
+mod help;
 mod history;
 mod info;
 mod interrupt;
@@ -48,7 +49,7 @@ use std::{
     process::ExitCode,
 };
 
-use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use tracing_subscriber::EnvFilter;
 
@@ -76,7 +77,7 @@ Examples:
   glint render augmented.ply garden -o views
   glint info augmented.ply                 describe a scene or a dataset
   glint convert base.ply base.spz          convert it for other programs
-  glint export --html scene.html scene.ply a page that shows it in any browser
+  glint export --html page.html scene.ply  a page that shows it in any browser
   glint doctor                             check device, driver, display, tools and disk
   glint verify --quick                     check that this device computes correctly
 
@@ -156,7 +157,7 @@ type Outcome<T = ()> = Result<T, Failure>;
 
 /// Parses the arguments of the process and runs the command.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::from_arg_matches(&help::command().get_matches()).unwrap_or_else(|error| error.exit());
     log(cli.verbose, cli.quiet);
     let outcome = match unexpanded(std::env::args_os().skip(1)) {
         Some(what) => Err(Error::Usage(what).into()),
@@ -281,7 +282,7 @@ struct DeviceArgs {
     twins: Vec<Twin>,
     /// Use the device even if it fails the check before its first use: sort, scan, an image and a training
     /// step against float64
-    #[arg(long, hide_short_help = true)]
+    #[arg(long)]
     unchecked: bool,
 }
 

@@ -2,11 +2,10 @@
 
 use std::{io, path::PathBuf};
 
-use clap::CommandFactory;
 use clap_complete::Shell;
 
 use super::{
-    Cli, Outcome,
+    Outcome, help,
     output::{Inputs, OutputArgs},
     print,
 };
@@ -33,14 +32,14 @@ pub(super) struct ManArgs {
 impl CompletionsArgs {
     pub(super) fn run(&self) -> Outcome {
         let mut script = Vec::new();
-        clap_complete::generate(self.shell, &mut Cli::command(), "glint", &mut script);
+        clap_complete::generate(self.shell, &mut help::command(), "glint", &mut script);
         Ok(print(String::from_utf8_lossy(&script))?)
     }
 }
 
 impl ManArgs {
     pub(super) fn run(&self) -> Outcome {
-        let mut all = Cli::command();
+        let mut all = help::command();
         all.build();
         let pages: Vec<clap::Command> = std::iter::once(all.clone())
             .chain(all.get_subcommands().filter(|c| c.get_name() != "help").cloned())
