@@ -1,8 +1,13 @@
 //! Makes docs/cli.md of the commands and their options.
 
-use std::{env, fmt::Write, fs, path::Path};
+use std::{
+    env,
+    fmt::Write,
+    fs,
+    path::{Path, PathBuf},
+};
 
-use clap::{Arg, Command, CommandFactory};
+use clap::{Arg, Command, CommandFactory, Parser, error::ErrorKind};
 
 use super::Cli;
 
@@ -144,4 +149,73 @@ fn the_page_of_the_command_line_is_what_the_program_says() {
     let names = source.split("\"GLINT_").skip(1).filter_map(|rest| rest.split('"').next());
     let missing: Vec<&str> = names.filter(|name| !page.contains(&format!("`GLINT_{name}`"))).collect();
     assert!(missing.is_empty(), "{missing:?}");
+}
+
+/// Checks the commands of a line of code in `page`. Those that are not `whole` may lack arguments and values.
+fn check_commands(page: &str, code: &str, whole: bool) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let code = code.split(" # ").next().unwrap_or_default();
+    let words: Vec<&str> = code.split_whitespace().collect();
+    for word in words.iter().filter(|word| ["tools/", "bench/", ".ci/"].iter().any(|folder| word.starts_with(folder))) {
+        assert!(word.contains(['*', '…']) || root.join(word).exists(), "{page}: {word} is missing");
+    }
+    for pair in words.windows(2).filter(|pair| ["--bench", "--test"].contains(&pair[0])) {
+        let folder = root.join(if pair[0] == "--bench" { "bench" } else { "tests" });
+        let found = folder.join(pair[1]).exists() || folder.join(pair[1]).with_extension("rs").exists();
+        assert!(found, "{page}: there is no {} {}", pair[0], pair[1]);
+    }
+    for command in code.split([';', '|', '>']) {
+        let command = command.trim().trim_start_matches("do ").trim_start_matches("target/release/");
+        let is_sketch = ["…", "...", "[", "COMMAND"].iter().any(|mark| command.contains(mark));
+        if !command.starts_with("glint ") || is_sketch {
+            continue;
+        }
+        // A shell's variable stands for a number.
+        let number = |word: &str| {
+            word.split_once('$').map_or(word.to_owned(), |(before, after)| {
+                before.to_owned() + "8" + after.trim_start_matches(|c: char| c.is_alphanumeric())
+            })
+        };
+        let Err(error) = Cli::try_parse_from(command.split_whitespace().map(number)) else { continue };
+        let wrong = match error.kind() {
+            ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => false,
+            ErrorKind::UnknownArgument | ErrorKind::InvalidSubcommand | ErrorKind::ArgumentConflict => true,
+            _ => whole,
+        };
+        assert!(!wrong, "{page}: {command}: {error}");
+    }
+}
+
+/// Command lines of the documents and of the help are valid; JSON in the documents is.
+#[test]
+fn command_lines_of_documents_are_valid() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut pages: Vec<PathBuf> = ["README.md", "CONTRIBUTING.md", "SECURITY.md"].map(|name| root.join(name)).into();
+    pages.extend(fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path()));
+    pages.retain(|path| path.extension().is_some_and(|extension| extension == "md"));
+    assert!(pages.len() > 15);
+    for page in pages {
+        let name = page.display().to_string();
+        let text = fs::read_to_string(&page).unwrap().replace("\\\n", " ");
+        for line in text.lines() {
+            if let Some(code) = line.strip_prefix("    ") {
+                check_commands(&name, code, true);
+            } else if line.matches('`').count() % 2 == 0 {
+                line.split('`').skip(1).step_by(2).for_each(|code| check_commands(&name, code, false));
+            }
+        }
+        for json in text.split("```json").skip(1).filter_map(|rest| rest.split("```").next()) {
+            serde_json::from_str::<serde_json::Value>(&format!("{{{json}}}"))
+                .unwrap_or_else(|error| panic!("{name}: {error}: {json}"));
+        }
+    }
+    let mut glint = Cli::command();
+    glint.build();
+    for command in glint.get_subcommands().chain([&glint]) {
+        let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        for line in help.lines().filter_map(|line| line.strip_prefix("  ")) {
+            // A description follows after two spaces.
+            check_commands(command.get_name(), line.split("  ").next().unwrap_or_default(), true);
+        }
+    }
 }
