@@ -514,7 +514,7 @@ fn float(word: &str, name: &str) -> Result<f64, String> {
 }
 
 fn number_of<T: FromStr>(word: &str, name: &str) -> Result<T, String> {
-    word.parse().map_err(|_| format!("`{word}` is not sound for {name}"))
+    word.parse().map_err(|_| format!("`{word}` is not valid for {name}"))
 }
 
 #[cfg(test)]
@@ -698,7 +698,7 @@ mod tests {
         assert!(text(cameras_text(b"1 PINHOLE 64 48 1 1 1", path)).contains("line 1: model PINHOLE cannot have 3"));
         assert!(
             text(cameras_text(b"#\n1 PINHOLE 64 wide 1 1 1 1", path))
-                .contains("line 2: `wide` is not sound for height")
+                .contains("line 2: `wide` is not valid for height")
         );
         assert!(text(cameras_text(b"1 PINHOLE", path)).contains("ends before width"));
         assert!(text(cameras_text(b"1 WIDE 64 48 1 1 1 1", path)).contains("line 1: model WIDE is unknown"));

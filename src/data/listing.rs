@@ -81,7 +81,7 @@ impl SourceCamera {
         let positive = |v: &f64| v.is_finite() && *v > 0.0;
         let angle = |v: &f64| *v > 0.0 && *v < std::f64::consts::PI;
         if let Some(size) = self.size.filter(|size| !size.iter().all(positive)) {
-            return Err(format!("the image size {size:?} is not sound"));
+            return Err(format!("the image size {size:?} is not valid"));
         }
         match self.focal {
             Focal::Pixels(focal) if !focal.iter().all(positive) => {

@@ -144,14 +144,14 @@ pub fn read_tensors_about(path: impl AsRef<Path>) -> Result<(BTreeMap<String, Te
 pub(super) fn parse_tensors_about(bytes: &[u8], path: &Path) -> Result<(BTreeMap<String, Tensor>, Option<String>)> {
     let tensors = parse_tensors(bytes, path)?;
     let (_, header) = SafeTensors::read_metadata(bytes)
-        .map_err(|error| Error::input(path, format!("is not a sound safetensors file: {error}")))?;
+        .map_err(|error| Error::input(path, format!("is not a valid safetensors file: {error}")))?;
     Ok((tensors, header.metadata().as_ref().and_then(|found| found.get(ABOUT).cloned())))
 }
 
 /// [`read_tensors`] from a file's bytes. `path` is only used in errors.
 pub(super) fn parse_tensors(bytes: &[u8], path: &Path) -> Result<BTreeMap<String, Tensor>> {
     let file = SafeTensors::deserialize(bytes)
-        .map_err(|error| Error::input(path, format!("is not a sound safetensors file: {error}")))?;
+        .map_err(|error| Error::input(path, format!("is not a valid safetensors file: {error}")))?;
     let mut out = BTreeMap::new();
     for (name, view) in file.iter() {
         let words = view.data().chunks_exact(4).map(|word| [word[0], word[1], word[2], word[3]]);

@@ -310,7 +310,7 @@ fn parse(bytes: &[u8], path: &Path) -> Result<File> {
         Cow::Owned(bytes) => parse(&bytes),
         Cow::Borrowed(_) => Err(error),
     });
-    let file = file.map_err(|error| Error::input(path, format!("is not a sound transforms file: {error}")))?;
+    let file = file.map_err(|error| Error::input(path, format!("is not a valid transforms file: {error}")))?;
     if file.frames.is_empty() {
         return Err(Error::input(path, "`frames` is empty"));
     }
@@ -628,7 +628,7 @@ mod tests {
         // A frame's own value wins, even if it is invalid.
         expect(json!({"fl_x": 1.0}), json!({"fl_x": "NaN"}), &["focal lengths [NaN, NaN]"]);
         let refused = one(json!({"fl_x": "wide"}), json!({})).err().unwrap().to_string();
-        assert!(refused.contains("not a sound transforms file: expected a number"), "{refused}");
+        assert!(refused.contains("not a valid transforms file: expected a number"), "{refused}");
         assert!(
             parse(b"{\"frames\": []}", Path::new("t.json")).err().unwrap().to_string().contains("`frames` is empty")
         );

@@ -249,7 +249,7 @@ fn files_of_other_kinds_are_called_what_they_are() {
         ("x.spz", "gzip"),
         ("y.spz", "SPZ scene"),
         ("x.sog", "ZIP archive"),
-        ("x.safetensors", "not a sound safetensors file"),
+        ("x.safetensors", "not a valid safetensors file"),
     ] {
         for command in [format!("info {file}"), format!("eval {file} data"), format!("convert {file} x.ply")] {
             work.refused(&command, &[file, word]);

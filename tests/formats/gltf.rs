@@ -342,7 +342,7 @@ fn what_is_not_understood_is_said() {
         &["EXT_meshopt_compression"],
     );
     says(&set("/buffers/0/byteLength", json!(1_000_000)), &["buffer 0 has", "expected 1000000"]);
-    says(&set("/accessors", json!("none")), &["is not a sound glTF"]);
+    says(&set("/accessors", json!("none")), &["is not a valid glTF"]);
     // 1,000 nodes with one mesh of two Gaussians are 2,000 Gaussians of a small file; a million nodes are a
     // bomb.
     let many = |count: usize, name: usize| {
@@ -381,5 +381,5 @@ fn damage_is_an_error() {
     damage("damaged.glb", &bytes, |_| false);
     refused("a.glb", &[&bytes[..4], &[1, 0, 0, 0], &bytes[8..]].concat(), &["GLB version 1"]);
     refused("a.glb", &[&bytes[..], b"more"].concat(), &["by its header"]);
-    refused("a.gltf", b"{\"asset\":", &["not a sound glTF"]);
+    refused("a.gltf", b"{\"asset\":", &["not a valid glTF"]);
 }

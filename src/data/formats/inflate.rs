@@ -24,7 +24,7 @@ pub(super) fn check_promise(have: usize, promised: u64, what: &str) -> Result<()
 pub(super) fn gzip(bytes: &[u8], limit: u64) -> Result<(Vec<u8>, bool), String> {
     let mut out = Vec::new();
     let mut decoder = GzDecoder::new(bytes).take(limit.saturating_add(1));
-    decoder.read_to_end(&mut out).map_err(|error| format!("is not a sound gzip stream: {error}"))?;
+    decoder.read_to_end(&mut out).map_err(|error| format!("is not a valid gzip stream: {error}"))?;
     let more = out.len() as u64 > limit;
     out.truncate(usize::try_from(limit).unwrap_or(usize::MAX));
     Ok((out, more))
@@ -51,7 +51,7 @@ pub(super) fn deflate(bytes: &[u8]) -> io::Result<Vec<u8>> {
 pub(super) fn zstd(bytes: &[u8], length: usize, what: &str) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     out.try_reserve_exact(length).map_err(|error| format!("{what}: {error}"))?;
-    let fail = |error: io::Error| format!("the stream of {what} is not sound: {error}");
+    let fail = |error: io::Error| format!("the stream of {what} is not valid: {error}");
     zstd::bulk::Decompressor::new().and_then(|mut zstd| zstd.decompress_to_buffer(bytes, &mut out)).map_err(fail)?;
     if out.len() != length {
         return Err(format!("the stream of {what} holds {} bytes, expected {length}", out.len()));

@@ -356,7 +356,7 @@ impl Property {
             None => data.extend(bytes),
             Some("gz") => {
                 let read = DeflateDecoder::new(bytes).take(expected as u64 + 1).read_to_end(&mut data);
-                read.map_err(|error| format!("is not a sound deflate stream: {error}"))?;
+                read.map_err(|error| format!("is not a valid deflate stream: {error}"))?;
             }
             Some(other) => return Err(format!("is compressed as `{other}`, which glint does not read")),
         }

@@ -26,7 +26,7 @@ pub(in crate::data) fn parse(bytes: &[u8], _: Option<&Path>, path: &Path) -> Res
 
 fn read(bytes: &[u8]) -> Result<SceneFile, String> {
     let mut archive =
-        ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("is not a sound ZIP archive: {error}"))?;
+        ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("is not a valid ZIP archive: {error}"))?;
     let layer = archive.by_index(0).map_err(|error| format!("the archive's first file cannot be read: {error}"))?;
     let name = usd::shown(&layer.name().unwrap_or_default());
     let text = inflate::zipped(layer, bytes.len(), &name)?;

@@ -86,7 +86,7 @@ pub(super) struct Document<'a> {
 impl<'a> Document<'a> {
     pub(super) fn parse(bytes: &'a [u8], folder: Option<&'a Path>) -> Result<Self, String> {
         let (json, binary) = if bytes.starts_with(MAGIC) { chunks(bytes)? } else { (bytes, None) };
-        let root: Root = serde_json::from_slice(json).map_err(|error| format!("is not a sound glTF: {error}"))?;
+        let root: Root = serde_json::from_slice(json).map_err(|error| format!("is not a valid glTF: {error}"))?;
         let buffers = root.buffers.iter().map(|_| OnceCell::new()).collect();
         Ok(Document { root, bytes: bytes.len(), binary, buffers, folder })
     }
@@ -188,7 +188,7 @@ impl<'a> Document<'a> {
         if let Some(data) = uri.strip_prefix("data:") {
             let (_, text) = data.split_once(";base64,").ok_or("has a data URI that is not in base64")?;
             let decoded = base64::engine::general_purpose::STANDARD.decode(text);
-            return decoded.map_err(|error| format!("has a data URI that is not sound: {error}"));
+            return decoded.map_err(|error| format!("has a data URI that is not valid: {error}"));
         }
         let shown: String = uri.chars().take(200).collect();
         let name = names::unescape(uri).ok_or_else(|| format!("is in `{shown}`, which is not text"))?;

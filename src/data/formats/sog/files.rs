@@ -38,7 +38,7 @@ impl<'a> Files<'a> {
             return Ok(Files::Folder { meta: bytes, folder, have: bytes.len() });
         }
         let archive =
-            ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("is not a sound ZIP archive: {error}"))?;
+            ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("is not a valid ZIP archive: {error}"))?;
         // Some archives keep all files in a folder.
         let names = archive.file_names().filter_map(|name| name.ok().map(|name| name.into_owned()));
         let meta = names.filter(|name| name == META || name.ends_with(&format!("/{META}"))).min_by_key(String::len);
