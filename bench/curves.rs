@@ -24,10 +24,10 @@ struct Args {
     /// Tables as `bench/train` prints them, or lines of `bench/ablation --json`.
     #[arg(required = true, value_name = "[NAME=]FILE")]
     tables: Vec<String>,
-    /// What quality is drawn over.
+    /// The x axis.
     #[arg(long, value_enum, default_value_t = Over::Seconds)]
     over: Over,
-    /// What cargo adds.
+    /// Given by cargo bench.
     #[arg(long, hide = true)]
     bench: bool,
 }

@@ -39,7 +39,7 @@ type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 #[derive(Parser)]
 #[command(name = "radv", about = "Registers, waves and memory of every kernel on AMD's GPUs, without a card")]
 struct Args {
-    /// Fail where a kernel has fewer waves than radv-VERSION.json of this folder says
+    /// Fail if a kernel has fewer waves than radv-VERSION.json of this folder says
     #[arg(long)]
     against: Option<PathBuf>,
     /// Write radv-VERSION.json into this folder
@@ -275,7 +275,7 @@ impl Compiler {
             .map(|(offset, &(constant_id, _))| vk::SpecializationMapEntry { constant_id, offset, size: 4 })
             .collect();
         let words: Vec<u8> = constants.iter().flat_map(|(_, word)| word.to_ne_bytes()).collect();
-        // SAFETY: every structure lives for its call. What is made is left to the end of the process.
+        // SAFETY: every structure lives for its call. Objects live until the process ends.
         unsafe {
             let set = vk::DescriptorSetLayoutCreateInfo::default()
                 .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)

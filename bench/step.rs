@@ -41,7 +41,7 @@ struct Args {
     /// Pixels of the views of random Gaussians
     #[arg(long, value_parser = size::size, conflicts_with_all = ["dataset", "max_size"])]
     size: Option<[u32; 2]>,
-    /// How often random Gaussians cover the image, as a multiple of what they do by default
+    /// How often random Gaussians cover the image, as a multiple of the default
     #[arg(long, default_value_t = 1.0, requires = "size", value_parser = positive)]
     overlap: f64,
     /// Gaussians at most
@@ -54,7 +54,7 @@ struct Args {
     steps: u32,
     #[arg(long, default_value_t = 3)]
     sh_degree: u32,
-    /// Add gradients up by float atomics, which training does where deterministic sums find no room
+    /// Add gradients up by float atomics, which training does if deterministic sums do not fit
     #[arg(long)]
     atomic: bool,
     /// Pixels of a tile in place of those that suit the device's subgroups

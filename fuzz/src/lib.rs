@@ -1,4 +1,4 @@
-//! What every target does with the bytes it gets.
+//! The work of all targets on their bytes.
 
 use std::path::Path;
 

@@ -53,7 +53,7 @@ class DeviceError(Error, RuntimeError):
 
 
 class Note(UserWarning):
-    """The category of warnings about what glint skipped, replaced or guessed."""
+    """The category of warnings about data that glint skipped, replaced or guessed."""
 
 
 class Camera(_NamedTuple):
@@ -148,8 +148,8 @@ class Dataset(_NamedTuple):
 class Run:
     """A run of training or augmentation: an iterator over `Step`. The run pauses while no steps are taken.
 
-    phase: what the run does now, and its progress: name, unit, done, total. None before the first phase.
-    report: what `glint ... --json` prints, after the last step. None if the run was stopped before it had a result.
+    phase: the present phase of the run and its progress: name, unit, done, total. None before the first phase.
+    report: the JSON of `glint ... --json`, after the last step. None if the run was stopped before it had a result.
     stopped: whether `stop()` or Ctrl-C ended the run, after the last step.
 
     A notebook shows the run's progress. If the iterator is deleted, the run stops as by `stop()`.
@@ -265,7 +265,7 @@ def _arguments(command: str, paths: list[_Path], options: dict[str, _Any]) -> li
 
 
 def _report(command: str, paths: list[_Path], options: dict[str, _Any]) -> _Any:
-    """Runs a command to its end. Returns what its --json prints."""
+    """Runs a command to its end. Returns its JSON."""
     run = Run([command, *_arguments(command, paths, {**options, "json": True})])
     for _ in run:
         pass
@@ -325,7 +325,7 @@ def save(scene: Scene, path: _Path, **options: _Any) -> None:
 
 
 def convert(input: _Path, output: _Path, **options: _Any) -> _Any:
-    """Writes a scene file in another format. Returns what `glint convert --json` prints.
+    """Writes a scene file in another format. Returns the JSON of `glint convert --json`.
 
     Raises InputError and DeviceError as `load` and `save`.
     """
@@ -371,7 +371,7 @@ def render(
 
 
 class Meta:
-    """What the gradients of a call of `rasterization` need. It holds buffers on the device until it is deleted."""
+    """Inputs of the gradients of a call of `rasterization`. It holds buffers on the device until it is deleted."""
 
     def __init__(self, native: _glint.Meta, coefficients: int | None) -> None:
         self._native = native
@@ -486,7 +486,7 @@ def enhance(dataset: _Path, base: _Path, output: _Path, **options: _Any) -> Run:
 def evaluate(scene: Scene | _Path, dataset: _Path, **options: _Any) -> _Any:
     """Compares a scene, or a scene's file, with the photos of a dataset: PSNR [dB] and SSIM of each view, and their means.
 
-    Returns what `glint eval --json` prints: {"base": {"psnr", "ssim"}, "augmented": {"psnr", "ssim"}, "views": [...]}.
+    Returns the JSON of `glint eval --json`: {"base": {"psnr", "ssim"}, "augmented": {"psnr", "ssim"}, "views": [...]}.
 
     Raises InputError and DeviceError with the texts of the command line.
     """
@@ -501,7 +501,7 @@ def evaluate(scene: Scene | _Path, dataset: _Path, **options: _Any) -> _Any:
 def partition(dataset: _Path, output: _Path, **options: _Any) -> _Any:
     """Cuts a dataset into parts that train by themselves, as `glint partition` does, and writes the plan to `output`, a JSON file.
 
-    Returns what `glint partition --json` prints. `train` and `enhance` take the plan as their dataset, with `part`. `glint_splat.cluster`
+    Returns the JSON of `glint partition --json`. `train` and `enhance` take the plan as their dataset, with `part`. `glint_splat.cluster`
     trains all parts on a Ray cluster.
 
     Raises InputError if the dataset has no sparse points, or no cut keeps the limits.
@@ -510,7 +510,7 @@ def partition(dataset: _Path, output: _Path, **options: _Any) -> _Any:
 
 
 def merge(plan: _Path, parts: list[_Path], output: _Path, **options: _Any) -> _Any:
-    """Merges the trained parts of a plan into `output`, a PLY file, as `glint merge` does. Returns what `glint merge --json` prints.
+    """Merges the trained parts of a plan into `output`, a PLY file, as `glint merge` does. Returns the JSON of `glint merge --json`.
 
     Raises InputError if a part is missing, unfinished or of another plan.
     """
@@ -518,7 +518,7 @@ def merge(plan: _Path, parts: list[_Path], output: _Path, **options: _Any) -> _A
 
 
 def verify(dataset: _Path | None = None, scene: _Path | None = None, **options: _Any) -> _Any:
-    """Compares every kernel on a device with its float64 twin. Returns what `glint verify --json` prints.
+    """Compares every kernel on a device with its float64 twin. Returns the JSON of `glint verify --json`.
 
     Raises DeviceError if an error exceeds its bound.
     """

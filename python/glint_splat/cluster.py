@@ -115,7 +115,7 @@ def cluster(
     show: _Any = None,
     **options: _Any,
 ) -> _Any:
-    """Trains all parts of a plan on a Ray cluster and merges them into `output`. Returns what `glint merge --json` prints.
+    """Trains all parts of a plan on a Ray cluster and merges them into `output`. Returns the JSON of `glint merge --json`.
 
     plan: a plan of `glint partition`. It and its dataset have the same paths on all machines.
     storage: a folder that all machines share, or a URL of fsspec, for scenes and checkpoints of parts.

@@ -97,7 +97,7 @@ impl Job {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// What the ended command printed, and whether it was stopped.
+    /// Output of the ended command, and whether it was stopped.
     ///
     /// # Errors
     /// The command's failure.

@@ -35,7 +35,7 @@ static IDLE: Mutex<Vec<Rasterizer>> = Mutex::new(Vec::new());
 /// The most that are kept: an autograd graph frees one while the next call uses another.
 const MOST_IDLE: usize = 2;
 
-/// What a rasterizer is made for.
+/// Properties that a rasterizer is made for.
 #[derive(Debug, Clone, PartialEq)]
 struct Key {
     device: Option<String>,
@@ -198,7 +198,7 @@ fn renderer(context: &Context, model: &Model, key: &Key, backward: bool) -> Resu
     Ok(Renderer::new(context, Needs::of(model), &Views::upload(context, &[size], &[])?, options)?)
 }
 
-/// What the gradients of a call need. It owns the call's rasterizer until it is dropped.
+/// Inputs of the gradients of a call. It owns the call's rasterizer until it is dropped.
 #[pyclass(frozen, module = "glint_splat")]
 pub struct Meta {
     rasterizer: Mutex<Option<Rasterizer>>,

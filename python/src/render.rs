@@ -32,7 +32,7 @@ struct Made {
     compensate: bool,
 }
 
-/// Where the device's coordinates begin: other than the file's for a scene that is far from its origin.
+/// Origin of the device's coordinates: other than the file's for a scene that is far from its origin.
 fn origin_of(scene: &Scene) -> DVec3 {
     let means = || scene.base.means.iter().map(|mean| DVec3::from_array(mean.map(f64::from)));
     let middle = means().sum::<DVec3>() / means().count().max(1) as f64;

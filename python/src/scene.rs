@@ -27,7 +27,7 @@ use crate::{Failure, bad, check_each, render::OnDevice};
 /// quats: (N, 4), w first, of any length but 0.
 /// opacity_logits: (N,), logits of opacities.
 /// sh: (N, K, 3), coefficients of spherical harmonics of degree 0 to 3, so that K is 1, 4, 9 or 16; or K = 5, spherical betas.
-/// lobe_directions: (N, 3), from the Gaussian to where it is seen best, of any length but 0.
+/// lobe_directions: (N, 3), from the Gaussian toward its best viewpoint, of any length but 0.
 /// lobe_widths: (N,), 0.01 to 1; the lobe ends at this times 180 degrees.
 /// lobe_sharpness: (N,), natural logarithms of the lobes' exponents.
 ///
@@ -67,7 +67,7 @@ fn view<'py, T: numpy::Element>(
     Ok(array)
 }
 
-/// Contiguous float32 numbers of what may be an array of another framework.
+/// Contiguous float32 numbers of an array, of numpy or another framework.
 fn host<'py>(name: &str, values: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
     Ok(values.py().import("glint_splat")?.call_method1("_host", (name, values))?.extract()?)
 }
@@ -170,7 +170,7 @@ impl Gaussians {
         view(this, own.sh.as_flattened(), &[own.len(), own.sh_coefficients(), 3])
     }
 
-    /// (N, 3), float32: from the Gaussian to where it is seen best, of any length but 0. None without lobes.
+    /// (N, 3), float32: from the Gaussian toward its best viewpoint, of any length but 0. None without lobes.
     #[getter]
     fn lobe_directions<'py>(this: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
         let lobes = this.get().supplement().map(|supplement| &supplement.lobes);
@@ -211,7 +211,7 @@ impl Gaussians {
 ///
 /// base: Gaussians without lobes.
 /// supplement: Gaussians with lobes, or None.
-/// origin: where the scene's coordinates begin in the world, scene units; three float64 numbers.
+/// origin: the scene's origin in the world, scene units; three float64 numbers.
 /// background: three sRGB values from 0 to 1 behind the photos; None if unknown, as are the next two.
 /// antialiased: whether Gaussians smaller than a pixel fade.
 /// max_size: longest side of the photos, pixels.
@@ -272,7 +272,7 @@ impl Scene {
         self.file.scene.supplement.as_ref().map(|_| Gaussians { file: Arc::clone(&self.file), has_lobes: true })
     }
 
-    /// Where the scene's coordinates begin in the world, scene units.
+    /// The scene's origin in the world, scene units.
     #[getter]
     fn origin(&self) -> [f64; 3] {
         self.file.scene.origin.to_array()

@@ -1,4 +1,4 @@
-"""A small dataset, a base and an augmented scene, made by the command line, beside which the module is held."""
+"""A small dataset, a base and an augmented scene, made by the command line, with which tests compare the module."""
 
 import json
 import os
@@ -20,7 +20,7 @@ def options(named):
 
 @pytest.fixture(scope="session")
 def glint():
-    """Runs the command line; what it prints, or the text of its error. `notes` are those of the last run."""
+    """Runs the command line; its output, or the text of its error. `notes` are those of the last run."""
     program = os.environ.get("GLINT") or shutil.which(ROOT / "target/release/glint")
     assert program, "cargo build --release makes the command line, or GLINT names it"
 
@@ -53,7 +53,7 @@ def base(glint, folder, photos):
 
 @pytest.fixture(scope="session")
 def augmented(glint, folder, photos, base):
-    """And what the command line reports of it."""
+    """And the command line's report on it."""
     path = folder / "augmented.ply"
     report = json.loads(glint("enhance", photos, "--base", base, "-o", path, "--json", *options(ENHANCE)))
     assert report["supplementary_gaussians"] > 0

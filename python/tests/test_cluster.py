@@ -52,7 +52,7 @@ def test_two_workers_of_which_one_is_killed_give_the_bytes_of_parts_trained_one_
     storage, killed, lines = folder / "parts", [], []
 
     def kill_one(line):
-        """Once a checkpoint of a part is there, which is then not complete."""
+        """Once there is a checkpoint of a part: then the part is not complete."""
         lines.append(line)
         if not killed and list(storage.glob("*.checkpoint.safetensors")):
             killed.append(workers("train_part")[0])
