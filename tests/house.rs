@@ -198,50 +198,102 @@ fn rust_in_the_documents_is_taken_from_programs() {
     }
 }
 
-/// A table after `<!-- figures: FILE ROW COLUMN FIELD... -->` has the means of these fields over the records of FILE, a list of JSON lines,
-/// whose ROW and COLUMN are those of the cell.
+/// The measurements of an id: bench/results/ID.json or ID.jsonl, one object or several.
+fn measured(id: &str) -> Value {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("bench/results");
+    let texts = ["json", "jsonl"].map(|extension| fs::read_to_string(folder.join(format!("{id}.{extension}"))));
+    let text = texts.into_iter().find_map(Result::ok).unwrap_or_else(|| panic!("no measurements of {id}"));
+    let mut values: Vec<Value> = serde_json::Deserializer::from_str(&text).into_iter().map(Result::unwrap).collect();
+    if values.len() == 1 { values.remove(0) } else { values.into() }
+}
+
+/// Whether `shown` is `value`, rounded to the decimals of `shown`.
+fn shows(shown: &str, value: &Value) -> bool {
+    let Some(number) = value.as_f64() else { return value.as_str() == Some(shown) };
+    let shown = shown.replace(',', "");
+    let decimals = shown.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    format!("{number:.decimals$}").trim_start_matches('0') == shown.trim_start_matches(['0', '+'])
+}
+
+/// The mean of a field over records.
+fn mean(records: &[&Value], field: &str) -> Value {
+    (records.iter().map(|record| record[field].as_f64().unwrap()).sum::<f64>() / records.len() as f64).into()
+}
+
+/// Figures name the measurement (`bench/figures` makes it) that they come from, in a comment before them:
+///
+/// - `rows: ID FIELD...`: a table whose rows are the records, and whose columns are these fields;
+/// - `means: ID ROW COLUMN FIELD...`: a table whose cells have the means of these fields over the records with the cell's ROW and COLUMN;
+/// - `figure: ID POINTER`: a number in a text.
 #[test]
-fn tables_have_the_figures_of_their_files() {
+fn figures_are_those_of_their_measurements() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let script = fs::read_to_string(root.join("bench/figures")).unwrap();
     let mut checked = 0;
     for page in ["README.md", "docs/benchmarks.md"] {
         let text = fs::read_to_string(root.join(page)).unwrap();
-        for rest in text.split("<!-- figures: ").skip(1) {
-            let (marker, rest) = rest.split_once(" -->").unwrap();
-            let [file, row, column, fields @ ..] = &marker.split(' ').collect::<Vec<_>>()[..] else {
-                panic!("{marker}")
-            };
-            let lines = fs::read_to_string(root.join(file)).unwrap();
-            let records: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let mut check = |shown: &str, value: &Value| {
+            assert!(shows(shown, value), "{page}: `{shown}`, but {value} was measured");
+            checked += 1;
+        };
+        for (marker, rest) in text.split("<!-- ").skip(1).filter_map(|rest| rest.split_once(" -->")) {
+            let words: Vec<&str> = marker.split(' ').collect();
+            let [kind @ ("rows:" | "means:" | "figure:"), id, fields @ ..] = &words[..] else { continue };
+            assert!(
+                script.contains(&format!("    {id}) ")) || script.contains(&format!("    {id})\n")),
+                "bench/figures lacks {id}"
+            );
+            let all = measured(id);
+            if *kind == "figure:" {
+                let shown = rest.split_whitespace().next().unwrap();
+                check(shown, all.pointer(fields[0]).unwrap_or_else(|| panic!("{page}: {marker}")));
+                continue;
+            }
+            let records = all.get("scenes").unwrap_or(&all).as_array().unwrap();
             let cells = |line: &str| line.trim_matches('|').split('|').map(|c| c.trim().to_owned()).collect::<Vec<_>>();
-            let mut table = rest.trim_start().lines().take_while(|line| line.starts_with('|')).map(cells);
-            let head = table.next().unwrap();
-            for line in table.skip(1) {
-                for (name, cell) in head.iter().zip(&line).skip(1) {
+            let lines: Vec<_> = rest.trim_start().lines().take_while(|line| line.starts_with('|')).map(cells).collect();
+            let [head, _, lines @ ..] = &lines[..] else { panic!("{page}: no table after {marker}") };
+            if *kind == "rows:" {
+                assert_eq!(lines.len(), records.len(), "{page}: {marker}");
+                for (line, record) in lines.iter().zip(records) {
+                    assert_eq!(line.len(), fields.len(), "{page}: {marker}");
+                    line.iter().zip(fields).for_each(|(cell, field)| check(cell, &record[*field]));
+                }
+                continue;
+            }
+            let [row, column, fields @ ..] = fields else { panic!("{marker}") };
+            for line in lines {
+                for (name, cell) in head.iter().zip(line).skip(1) {
                     let of = |record: &&Value| record[*row] == line[0] && record[*column] == **name;
                     let found: Vec<&Value> = records.iter().filter(of).collect();
-                    let mean = |field: &&str| {
-                        found.iter().map(|record| record[*field].as_f64().unwrap()).sum::<f64>() / found.len() as f64
-                    };
                     let parts: Vec<&str> = cell.split(" / ").filter(|part| !part.is_empty()).collect();
                     let expected = if found.is_empty() { 0 } else { fields.len() };
                     assert_eq!(parts.len(), expected, "{page}: {name} of {}: `{cell}`", line[0]);
-                    for (part, field) in parts.iter().zip(fields) {
-                        let decimals = part.split_once('.').map_or(0, |(_, decimals)| decimals.len());
-                        let value = format!("{:.decimals$}", mean(field));
-                        assert_eq!(
-                            value.trim_start_matches('0'),
-                            part.trim_start_matches('0'),
-                            "{page}: {name} of {}",
-                            line[0]
-                        );
-                        checked += 1;
-                    }
+                    parts.iter().zip(fields).for_each(|(part, field)| check(part, &mean(&found, field)));
                 }
             }
         }
     }
-    assert!(checked > 0, "no table names its file");
+    assert!(checked > 60, "{checked} figures");
+}
+
+/// Tables of decimals, and decibels and milliseconds in the text, name a measurement.
+#[test]
+fn no_figure_is_without_a_measurement() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let decimal = |text: &str| text.contains('.') && text.trim().replace(['+', '−'], "").parse::<f64>().is_ok();
+    for page in ["README.md", "docs/benchmarks.md"] {
+        let mut marked = false;
+        for line in fs::read_to_string(root.join(page)).unwrap().lines() {
+            let marker = line.starts_with("<!-- rows: ") || line.starts_with("<!-- means: ");
+            marked = marker || (marked && (line.is_empty() || line.starts_with('|')));
+            let cells = line.split('|').flat_map(|cell| cell.split(" / ")).any(decimal);
+            let words: Vec<&str> = line.split(' ').collect();
+            let unit = |word: &str| ["dB", "ms"].contains(&word.trim_end_matches(['.', ',', ';', ':', ')']));
+            let text = words.windows(2).any(|pair| decimal(pair[0]) && unit(pair[1]));
+            assert!(marked || line.contains("<!-- figure: ") || !(cells || text), "{page}: no measurement of {line}");
+        }
+    }
 }
 
 /// Links between documents lead to files and headings that exist.
@@ -285,7 +337,7 @@ fn links_in_the_documents_lead_somewhere() {
 
 /// Phrases that a native reader stumbles over, each with what to write. Text is compared as words: letters in lower case, all else as one
 /// space. Grow the list if a review finds another.
-const PHRASES: [(&str, &str); 14] = [
+const PHRASES: [(&str, &str); 16] = [
     ("whoever", "name the reader, the caller or the program"),
     ("anew", "again"),
     ("goes on", "continues, resumes"),
@@ -300,7 +352,12 @@ const PHRASES: [(&str, &str); 14] = [
     ("what is kept", "name the thing: checkpoint, scene, cache"),
     ("whatever it is", "any"),
     ("is no number", "is NaN"),
+    ("not a sound", "not a valid"),
+    ("is not sound", "is not valid"),
 ];
+
+/// Words of clauses in place of nouns. A sentence rarely needs one; several in a paragraph read as a translation.
+const RARE: [&str; 6] = ["what", "whoever", "of them", "as many", "which", "where"];
 
 /// Documents, comments, help texts and messages.
 #[test]
@@ -315,15 +372,22 @@ fn prose_has_none_of_the_phrases_that_reviews_have_found() {
     texts.extend(["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root.join(name)));
     texts.retain(|path| !path.ends_with("tests/house.rs") && !path.to_str().unwrap().contains("/target/"));
     assert!(texts.len() > 400);
-    let mut found = Vec::new();
+    let (mut found, mut rare, mut all) = (Vec::new(), 0, 0);
     for path in texts {
         let rust = path.extension().is_some_and(|extension| extension == "rs");
         for (at, line) in fs::read_to_string(&path).unwrap().lines().enumerate() {
             let place = || format!("{}:{}", path.strip_prefix(root).unwrap().display(), at + 1);
-            let words: String = line
-                .to_lowercase()
-                .split(|c: char| !c.is_alphanumeric() && c != '_')
-                .fold(String::from(" "), |text, word| if word.is_empty() { text } else { text + word + " " });
+            let spaced = |line: &str| {
+                let line = line.to_lowercase();
+                let words = line.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty());
+                words.fold(String::from(" "), |text, word| text + word + " ")
+            };
+            let words = spaced(line);
+            let comment = line.split_once("//").map_or("", |(_, comment)| comment);
+            let prose = if path.extension().is_some_and(|extension| extension == "md") { line } else { comment };
+            let prose = spaced(prose);
+            all += prose.split_whitespace().count();
+            rare += RARE.iter().map(|word| prose.matches(&format!(" {word} ")).count()).sum::<usize>();
             for (phrase, instead) in PHRASES.iter().filter(|(phrase, _)| words.contains(&format!(" {phrase} "))) {
                 if !line.contains("// guard: ") {
                     found.push(format!("{}: \"{phrase}\"; write: {instead}", place()));
@@ -337,4 +401,25 @@ fn prose_has_none_of_the_phrases_that_reviews_have_found() {
         }
     }
     assert!(found.is_empty(), "{}", found.join("\n"));
+    assert!(1000 * rare <= 6 * all, "{rare} of {all} words are {RARE:?}; at most 6 of 1000");
+}
+
+/// Licenses that allow distribution with a list of notices, as tools/release makes one.
+const LICENSES: [&str; 8] = ["0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "ISC", "MIT", "Unicode-3.0", "Zlib"];
+
+#[test]
+fn dependencies_have_permissive_licenses() {
+    let mut cargo = std::process::Command::new(env!("CARGO"));
+    cargo.args(["tree", "--locked", "--offline", "--edges", "normal", "--prefix", "none", "--format", "{p}|{l}"]);
+    let output = cargo.current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    let list = String::from_utf8(output.stdout).unwrap();
+    assert!(list.lines().count() > 100, "{}", String::from_utf8_lossy(&output.stderr));
+    for line in list.lines() {
+        let (crate_name, license) = line.trim_end_matches(" (*)").rsplit_once('|').unwrap();
+        let fits = |part: &str| {
+            let mut choices = part.split(" OR ").flat_map(|choice| choice.split('/'));
+            choices.any(|choice| LICENSES.contains(&choice.trim_matches(['(', ')', ' '])))
+        };
+        assert!(license.split(" AND ").all(fits), "{crate_name}: {license}");
+    }
 }

@@ -77,7 +77,7 @@ const MARGIN_DB: f64 = 0.5;
 /// Share of --time, less that of the trials, for the base and for the augmentation; not tuned. The rest is for report and page.
 const TIME: [f64; 2] = [0.55, 0.35];
 /// Share of --bytes for the base: of constant colors (docs/experiments/2026-11-28-run.md), and with harmonics. The latter leaves no
-/// bytes for bands, only the tenth that docs/benchmarks.md measures for lobes.
+/// bytes for bands, only the tenth that docs/experiments/2026-11-26-photographs.md measures for lobes.
 const BASE_BYTES: [f64; 2] = [0.65, 0.9];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -397,7 +397,7 @@ impl Args {
             );
         }
         for (name, what) in [
-            (self.output.join(SCENE), "the scene; glint convert makes files for other programs of it"),
+            (self.output.join(SCENE), "the scene; glint convert writes it in other formats"),
             (report.join(PAGE), "compared with the photos"),
             (self.output.join(VIEWER), "the scene in a browser"),
         ] {

@@ -62,8 +62,8 @@ impl Course {
 
 /// Relative duration of a step on photos halved `halvings` times, with this share of the final Gaussians. A
 /// quarter of a full step is spent on Gaussians: 0.17 to 0.3 at 224 to 800 pixels and the numbers of
-/// Gaussians in docs/benchmarks.md. The whole grows with about the root of the number of Gaussians
-/// (docs/benchmarks.md: exponent 0.47).
+/// Gaussians in docs/experiments/2026-11-26-photographs.md. The whole grows with about the root of the number of
+/// Gaussians (there: exponent 0.47).
 fn step_cost(halvings: u32, gaussians: f64) -> f64 {
     0.25 * gaussians + 0.75 * 0.25f64.powi(halvings as i32) * gaussians.powf(0.3)
 }
