@@ -19,7 +19,11 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{DIFFUSE, Photo, SPECULAR, to_byte, write_text},
+    data::{
+        DIFFUSE, Photo, SPECULAR, counted,
+        plan::{Plan, is_plan},
+        to_byte, write_text,
+    },
     gpu::Context,
     pipelines::{layers::Layers, render::RenderOptions, spend::Spending, start::photos_of},
     report::{
@@ -27,6 +31,7 @@ use crate::{
         evaluate::{evaluate, render_parts},
         history::{Record, read_history},
         page::{Entry, EntryView, SPECULAR_GAIN, Truth, page},
+        parts,
         pictures::{data_of, pictures},
         runs::{PHASES, Run, StageMean},
         table::{Cell, Column, Table},
@@ -49,10 +54,13 @@ base is known. Lines with the same name and seed are one run; runs that differ i
 spread. --run adds the output of `glint train --json` or `glint enhance --json`: times of stages, memory, and the plan of an \
 augmentation, under the name of the scene that it made.
 
+With a plan of glint partition and no scenes, the page shows its parts from above, and their sizes.
+
 Examples:
   glint report garden augmented=augmented.ply -o compared    # then open compared/index.html
   glint report garden base=base.ply augmented=augmented.ply -o compared
-  glint report garden base=base.ply plain=plain.ply augmented=augmented.ply -o compared --history runs.jsonl";
+  glint report garden base=base.ply plain=plain.ply augmented=augmented.ply -o compared --history runs.jsonl
+  glint report city.plan.json -o parts";
 
 /// Scene and its name on the page.
 #[derive(Debug, Clone)]
@@ -74,10 +82,10 @@ fn parse_named(text: &str) -> Result<Named, String> {
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder or JSON file of the dataset
+    /// Folder or JSON file of the dataset, or a plan of glint partition
     dataset: PathBuf,
-    /// Scenes, each with a name
-    #[arg(value_name = "NAME=SCENE", value_parser = parse_named, required = true)]
+    /// Scenes, each with a name; none for a plan
+    #[arg(value_name = "NAME=SCENE", value_parser = parse_named)]
     scenes: Vec<Named>,
     /// Output folder for the page; created if missing
     #[arg(short, long, value_name = "DIR")]
@@ -111,6 +119,9 @@ struct Numbers<'a> {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
+        if self.scenes.is_empty() {
+            return Ok(self.show_plan()?);
+        }
         if let Some(twice) =
             self.scenes.iter().enumerate().find(|(i, a)| self.scenes[..*i].iter().any(|b| a.name == b.name))
         {
@@ -142,6 +153,22 @@ impl Args {
             self.device.with(|context| Ok(compare(context, &scenes, &photos, options, dataset.background)?))?;
         compared.write(&self.output, &self.dataset.display().to_string(), &history, &told)?;
         Ok(print(compared.table())?)
+    }
+
+    /// Writes the page of a plan.
+    fn show_plan(&self) -> Result<()> {
+        let path = &self.dataset;
+        if !path.is_file() || !is_plan(path)? {
+            let what = "is not a plan of glint partition; expected one, or scenes to compare (NAME=SCENE)";
+            return Err(Error::input(path, what));
+        }
+        let plan = Plan::read(path)?;
+        let dataset = plan.open_all(path)?;
+        let inputs = Inputs::default().dataset(&dataset).scene(path);
+        self.replace.check_files(&self.output, [PAGE], &inputs)?;
+        self.replace.make_folder(&self.output, &inputs)?;
+        let title = format!("{} of {}", counted(plan.parts.len(), "part"), plan.dataset.display());
+        write_text(self.output.join(PAGE), &parts::page(&title, &plan, &dataset)?)
     }
 }
 

@@ -66,11 +66,7 @@ impl Plan {
         let Some(found) = self.parts.get(part as usize) else {
             return Err(Error::input(path, format!("has parts 0 to {}, but not part {part}", of.saturating_sub(1))));
         };
-        let mut dataset = Dataset::open(&self.dataset, &self.options)?;
-        if checksum(&dataset) != self.checksum {
-            let what = format!("was made for other photos, cameras or points than {} has now", self.dataset.display());
-            return Err(Error::input(path, what + "; make it again (glint partition)"));
-        }
+        let mut dataset = self.open_all(path)?;
         let names: HashSet<&String> = [&found.photos, &found.ring, &found.test].into_iter().flatten().collect();
         dataset.photos.retain(|photo| names.contains(&photo.name));
         if let Some(points) = &dataset.points {
@@ -85,6 +81,19 @@ impl Plan {
         dataset.sources.push(path.to_owned());
         dataset.part = Some(PartOf { plan: self.id(), part, of: of as u32, complete: true });
         dataset.gaussians = Some(found.gaussians);
+        Ok(dataset)
+    }
+
+    /// Opens all photos and points of the dataset.
+    ///
+    /// # Errors
+    /// If the dataset is missing or has changed since the plan was made.
+    pub fn open_all(&self, path: &Path) -> Result<Dataset> {
+        let dataset = Dataset::open(&self.dataset, &self.options)?;
+        if checksum(&dataset) != self.checksum {
+            let what = format!("was made for other photos, cameras or points than {} has now", self.dataset.display());
+            return Err(Error::input(path, what + "; make it again (glint partition)"));
+        }
         Ok(dataset)
     }
 }

@@ -14,7 +14,7 @@ const SIZE: (u32, u32) = (400, 300);
 /// Minimum ratio of the largest to the smallest value for a logarithmic axis.
 const WIDE: f64 = 10.0;
 /// Okabe and Ito's colors without yellow and black; also distinct with color blindness.
-const COLORS: [RGBColor; 6] = [
+pub(super) const COLORS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),

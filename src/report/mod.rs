@@ -12,6 +12,8 @@ pub mod metrics;
 #[cfg(feature = "cli")]
 pub mod page;
 #[cfg(feature = "cli")]
+pub mod parts;
+#[cfg(feature = "cli")]
 pub mod pictures;
 pub mod plan;
 #[cfg(feature = "cli")]

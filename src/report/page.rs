@@ -112,7 +112,7 @@ const PARTS_EXPLAINED: &str = "Diffuse light comes from the base's constant colo
 
 /// Tables wider than the window have their own scroll bar, with a fixed first column. Colors follow the reader's light or dark theme; plots
 /// stay light. Printed pages have no controls.
-const STYLE: &str = ":root{color-scheme:light dark;--back:#fff;--text:#222;--dim:#555;--line:#ddd}\
+pub(super) const STYLE: &str = ":root{color-scheme:light dark;--back:#fff;--text:#222;--dim:#555;--line:#ddd}\
     @media(prefers-color-scheme:dark){:root{--back:#181818;--text:#ddd;--dim:#aaa;--line:#444}}\
     body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:var(--text);background:var(--back)}h1{font-size:1.3rem}\
     h2{font-size:1.1rem;margin-top:2rem}h3{font-size:1rem}p{max-width:60rem;color:var(--dim)}table{border-collapse:collapse}\

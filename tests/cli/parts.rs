@@ -44,6 +44,29 @@ fn parts_of_a_plan_are_trained_and_merged_into_a_scene_of_the_whole() {
 }
 
 #[test]
+fn a_plan_is_shown_from_above_with_the_sizes_of_its_parts() {
+    let work = planned();
+    work.ok("report plan.json -o page");
+    assert_eq!(files(&work.path("page")), ["index.html"]);
+    let page = fs::read_to_string(work.path("page/index.html")).unwrap();
+    // A wedge for each of seven training photos and two test photos, in three colors; a row for each of two parts.
+    assert_eq!([page.matches("<polygon").count(), page.matches("class=\"key\"").count()], [9, 2]);
+    let colors: std::collections::BTreeSet<&str> =
+        page.split("<polyline").skip(1).map(|line| &line[line.find("stroke=").unwrap()..][..15]).collect();
+    assert_eq!(colors.len(), 3, "{colors:?}");
+    let text = fs::read_to_string(work.path("data/sparse/0/points3D.txt")).unwrap();
+    let points = text.lines().filter(|line| !line.starts_with('#') && !line.is_empty()).count();
+    let cell =
+        |row: &str, column: usize| row.split("<td>").nth(column).unwrap().split('<').next().unwrap().parse::<usize>();
+    let rows: Vec<&str> = page.split("class=\"key\"").skip(1).collect();
+    let sum = |column: usize| rows.iter().map(|row| cell(row, column).unwrap()).sum::<usize>();
+    assert_eq!([sum(1), sum(4)], [7, points]);
+    assert!(!page.contains("http"));
+    work.refused("report data -o other", &["data", "not a plan"]);
+    work.refused("report plan.json -o page", &["already exists"]);
+}
+
+#[test]
 fn what_is_no_part_of_the_plan_is_refused() {
     let work = planned();
     work.refused("train plan.json -o a.ply", &["plan.json", "2 parts", "--part"]);
