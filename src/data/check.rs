@@ -1,5 +1,6 @@
 //! A common entry to every file reader that takes bytes, for fuzzing and tests.
 
+use std::io::Cursor;
 use std::path::Path;
 
 use super::{CameraPath, SceneFormat, checkpoint, colmap, images, points, scenes, tensors, transforms};
@@ -12,9 +13,9 @@ const OTHERS: [(&str, Check); 11] = [
     ("ply_points", |bytes, path| points::parse_points(bytes, path, &mut Vec::new()).map(drop)),
     ("colmap_cameras_bin", |bytes, path| cameras(colmap::cameras_binary(bytes, path)?, path)),
     ("colmap_cameras_txt", |bytes, path| cameras(colmap::cameras_text(bytes, path)?, path)),
-    ("colmap_images_bin", |bytes, path| poses(colmap::images_binary(bytes, path)?, path)),
+    ("colmap_images_bin", |bytes, path| poses(colmap::images_binary(Cursor::new(bytes), path)?, path)),
     ("colmap_images_txt", |bytes, path| poses(colmap::images_text(bytes, path)?, path)),
-    ("colmap_points_bin", |bytes, path| colmap::points_binary(bytes, path, &mut Vec::new()).map(drop)),
+    ("colmap_points_bin", |bytes, path| colmap::points_binary(Cursor::new(bytes), path, &mut Vec::new()).map(drop)),
     ("colmap_points_txt", |bytes, path| colmap::points_text(bytes, path, &mut Vec::new()).map(drop)),
     ("transforms_json", transforms::check),
     ("camera_path", |bytes, path| CameraPath::parse(bytes, path).map(drop)),

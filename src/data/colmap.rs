@@ -1,7 +1,8 @@
 //! COLMAP's sparse models, binary and text (<https://colmap.github.io/format.html>).
 
 use std::collections::HashMap;
-use std::fs;
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Cursor, ErrorKind, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -20,12 +21,13 @@ use crate::{Error, Result};
 /// The images of a model of the dataset in `root`, and its points if there are any.
 pub(super) fn read(root: &Path, model: &folders::Model, options: &DatasetOptions) -> Result<Listing> {
     let folder = &model.folder;
-    let (path, bytes) = open(folder, "cameras")?;
+    let path = find(folder, "cameras");
+    let bytes = bytes_of(&path)?;
     let mut sources = vec![path.clone()];
     let cameras = if is_text(&path) { cameras_text(&bytes, &path) } else { cameras_binary(&bytes, &path) }?;
-    let (path, bytes) = open(folder, "images")?;
+    let path = find(folder, "images");
     sources.push(path.clone());
-    let poses = if is_text(&path) { images_text(&bytes, &path) } else { images_binary(&bytes, &path) }?;
+    let poses = poses(&path)?;
     if poses.is_empty() {
         return Err(Error::input(path, "the model has no images"));
     }
@@ -79,14 +81,21 @@ pub(super) fn read(root: &Path, model: &folders::Model, options: &DatasetOptions
     Ok(listed)
 }
 
+/// Reads the poses of a model's images.
+fn poses(path: &Path) -> Result<Vec<Pose>> {
+    if is_text(path) { images_text(&bytes_of(path)?, path) } else { images_binary(stream(path)?, path) }
+}
+
 /// Reads a model's points, and returns them with their file.
 fn points(folder: &Path, notes: &mut Vec<String>) -> Result<Option<(PointCloud, PathBuf)>> {
-    match open(folder, "points3D") {
-        Ok((path, bytes)) => {
-            let read = if is_text(&path) { points_text } else { points_binary };
-            Ok(Some((read(&bytes, &path, notes)?, path)))
-        }
-        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+    let path = find(folder, "points3D");
+    let read = match is_text(&path) {
+        true => bytes_of(&path).and_then(|bytes| points_text(&bytes, &path, notes)),
+        false => stream(&path).and_then(|file| points_binary(file, &path, notes)),
+    };
+    match read {
+        Ok(points) => Ok(Some((points, path))),
+        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
             // 3DGS leaves the points in this form too.
             let cloud = folder.join("points3D.ply");
             let points = cloud.is_file().then(|| points::read_points(&cloud, notes)).transpose()?;
@@ -116,9 +125,7 @@ pub(super) fn points_for(
     let mut found = Vec::new();
     let points = points(folder, &mut found).map_err(|error| error.to_string())?;
     let Some((mut points, source)) = points.filter(|(points, _)| !points.positions.is_empty()) else { return Ok(None) };
-    let (path, bytes) = open(folder, "images").map_err(|error| error.to_string())?;
-    let poses = if is_text(&path) { images_text(&bytes, &path) } else { images_binary(&bytes, &path) };
-    let poses = poses.map_err(|error| error.to_string())?;
+    let poses = poses(&find(folder, "images")).map_err(|error| error.to_string())?;
     let by_name: HashMap<String, &Pose> = poses.iter().map(|pose| (names::compared(&pose.name), pose)).collect();
     // Rotation and eye in the model and in the photos' frame.
     let pairs: Vec<(Stand, Stand)> = entries
@@ -159,11 +166,18 @@ pub(super) fn points_for(
 }
 
 /// `stem`.bin if it is there, else `stem`.txt: the two may be mixed.
-fn open(model: &Path, stem: &str) -> Result<(PathBuf, Vec<u8>)> {
+fn find(model: &Path, stem: &str) -> PathBuf {
     let binary = model.join(format!("{stem}.bin"));
-    let path = if binary.exists() { binary } else { model.join(format!("{stem}.txt")) };
-    let bytes = fs::read(&path).map_err(|source| Error::io(&path, source))?;
-    Ok((path, bytes))
+    if binary.exists() { binary } else { model.join(format!("{stem}.txt")) }
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).map_err(|source| Error::io(path, source))
+}
+
+/// A file of which only a buffer is in memory: observations and tracks of a city take gigabytes.
+fn stream(path: &Path) -> Result<BufReader<File>> {
+    File::open(path).map(BufReader::new).map_err(|source| Error::io(path, source))
 }
 
 fn is_text(path: &Path) -> bool {
@@ -271,73 +285,89 @@ fn camera(model: &str, width: u64, height: u64, params: &[f64]) -> Result<Source
     Ok(SourceCamera { size, focal, center: Some(center), distortion })
 }
 
-/// Reads little-endian numbers from the front of a byte string; `None` if it is too short.
-struct Bytes<'a> {
-    left: &'a [u8],
+/// Reads little-endian numbers.
+struct Numbers<R> {
+    file: R,
+    /// Number of bytes that are left.
+    left: u64,
 }
 
-impl<'a> Bytes<'a> {
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
-        let (taken, left) = self.left.split_at_checked(count)?;
-        self.left = left;
-        Some(taken)
+impl<R: BufRead + Seek> Numbers<R> {
+    fn new(mut file: R) -> io::Result<Self> {
+        let left = file.seek(SeekFrom::End(0))?;
+        file.rewind()?;
+        Ok(Numbers { file, left })
     }
 
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.take(N)?.try_into().ok()
+    fn array<const N: usize>(&mut self) -> io::Result<[u8; N]> {
+        let mut bytes = [0; N];
+        self.file.read_exact(&mut bytes)?;
+        self.left = self.left.saturating_sub(N as u64);
+        Ok(bytes)
     }
 
-    fn u32(&mut self) -> Option<u32> {
+    fn u32(&mut self) -> io::Result<u32> {
         self.array().map(u32::from_le_bytes)
     }
 
-    fn u64(&mut self) -> Option<u64> {
+    fn u64(&mut self) -> io::Result<u64> {
         self.array().map(u64::from_le_bytes)
     }
 
-    fn f64s<const N: usize>(&mut self) -> Option<[f64; N]> {
+    fn f64s<const N: usize>(&mut self) -> io::Result<[f64; N]> {
         let mut out = [0.0; N];
         for value in &mut out {
             *value = f64::from_le_bytes(self.array()?);
         }
-        Some(out)
+        Ok(out)
     }
 
-    fn name(&mut self) -> Option<&'a [u8]> {
-        let end = self.left.iter().position(|&b| b == 0)?;
-        let name = self.take(end)?;
-        self.take(1)?;
-        Some(name)
+    fn name(&mut self) -> io::Result<Vec<u8>> {
+        let mut name = Vec::new();
+        let read = self.file.read_until(0, &mut name)? as u64;
+        self.left = self.left.saturating_sub(read);
+        name.pop().filter(|&end| end == 0).ok_or(ErrorKind::UnexpectedEof)?;
+        Ok(name)
+    }
+
+    /// Leaves out a list of `count` items of `bytes` each.
+    fn skip(&mut self, count: u64, bytes: u64) -> io::Result<()> {
+        let all = count.checked_mul(bytes).filter(|all| *all <= self.left).ok_or(ErrorKind::UnexpectedEof)?;
+        self.left -= all;
+        self.file.seek_relative(all as i64)
     }
 }
 
-/// Reads a count, and that number of records of at least `least` bytes with `record`. `record` returns `None`
-/// if the file ends too early. A count that the file cannot hold is refused before anything is allocated.
-fn records<'a, T>(
-    bytes: &'a [u8],
+/// Reads a count, and that number of records of at least `least` bytes with `record`. A count that the file cannot hold is refused
+/// before anything is allocated.
+fn records<R: BufRead + Seek, T>(
+    file: R,
     path: &Path,
     what: &str,
-    least: usize,
-    mut record: impl FnMut(&mut Bytes<'a>) -> Option<Result<T, String>>,
+    least: u64,
+    mut record: impl FnMut(&mut Numbers<R>) -> io::Result<Result<T, String>>,
 ) -> Result<Vec<T>> {
     let fail = |what: String| Error::input(path, what);
-    let mut bytes = Bytes { left: bytes };
-    let count = bytes.u64().ok_or_else(|| fail(format!("is too short for the number of {what}s")))?;
-    let have = bytes.left.len();
+    let ends = |error: io::Error, what: String| match error.kind() {
+        ErrorKind::UnexpectedEof => fail(what),
+        _ => Error::io(path, error),
+    };
+    let mut file = Numbers::new(file).map_err(|error| Error::io(path, error))?;
+    let count = file.u64().map_err(|error| ends(error, format!("is too short for the number of {what}s")))?;
+    let have = file.left;
     // guard: COLMAP: promises
-    if count > (have / least) as u64 {
-        let need = format!("at least {} bytes", count as u128 * least as u128);
+    if count > have / least {
+        let need = format!("at least {} bytes", u128::from(count) * u128::from(least));
         return Err(fail(format!("promises {count} {what}s, which take {need}, but has {have}")));
     }
     let mut out = Vec::with_capacity(count as usize);
     for i in 0..count {
-        match record(&mut bytes) {
-            Some(Ok(value)) => out.push(value),
-            Some(Err(error)) => return Err(fail(format!("{what} {i} of {count}: {error}"))),
-            None => return Err(fail(format!("ends in {what} {i} of {count}"))),
+        match record(&mut file).map_err(|error| ends(error, format!("ends in {what} {i} of {count}")))? {
+            Ok(value) => out.push(value),
+            Err(error) => return Err(fail(format!("{what} {i} of {count}: {error}"))),
         }
     }
-    match bytes.left.len() {
+    match file.left {
         0 => Ok(out),
         left => Err(fail(format!("{left} bytes are left after the {count} {what}s that it promises"))),
     }
@@ -345,16 +375,16 @@ fn records<'a, T>(
 
 pub(super) fn cameras_binary(bytes: &[u8], path: &Path) -> Result<Cameras> {
     // Id, model, width, height and two parameters.
-    let list = records(bytes, path, "camera", 4 + 4 + 8 + 8 + 2 * 8, |bytes| {
-        let (id, model, width, height) = (bytes.u32()?, bytes.u32()?, bytes.u64()?, bytes.u64()?);
+    let list = records(Cursor::new(bytes), path, "camera", 4 + 4 + 8 + 8 + 2 * 8, |file| {
+        let (id, model, width, height) = (file.u32()?, file.u32()?, file.u64()?, file.u64()?);
         let Some(&(name, count)) = MODELS.get(model as usize) else {
-            return Some(Err(format!("model number {model} is unknown")));
+            return Ok(Err(format!("model number {model} is unknown")));
         };
         let mut params = Vec::with_capacity(count);
         for _ in 0..count {
-            params.extend(bytes.f64s::<1>()?);
+            params.extend(file.f64s::<1>()?);
         }
-        Some(camera(name, width, height, &params).map(|camera| (id, camera)))
+        Ok(camera(name, width, height, &params).map(|camera| (id, camera)))
     })?;
     collect_cameras(list, path)
 }
@@ -384,18 +414,18 @@ fn collect_cameras(list: Vec<(u32, SourceCamera)>, path: &Path) -> Result<Camera
     Ok(cameras)
 }
 
-pub(super) fn images_binary(bytes: &[u8], path: &Path) -> Result<Vec<Pose>> {
+pub(super) fn images_binary(file: impl BufRead + Seek, path: &Path) -> Result<Vec<Pose>> {
     // Id, pose, camera, the terminator of an empty name, and the number of points.
-    records(bytes, path, "image", 4 + 7 * 8 + 4 + 1 + 8, |bytes| {
-        bytes.u32()?;
-        let (quat, translation, camera) = (bytes.f64s()?, bytes.f64s()?, bytes.u32()?);
-        let name = bytes.name()?;
+    records(file, path, "image", 4 + 7 * 8 + 4 + 1 + 8, |file| {
+        file.u32()?;
+        let (quat, translation, camera) = (file.f64s()?, file.f64s()?, file.u32()?);
+        let name = file.name()?;
         // Each point is x, y and the id of its 3D point.
-        let points = usize::try_from(bytes.u64()?.checked_mul(24)?).ok()?;
-        bytes.take(points)?;
-        Some(match str::from_utf8(name) {
-            Ok(name) => Ok(Pose { name: name.to_owned(), quat, translation, camera }),
-            Err(_) => Err(format!("the name `{}` is not UTF-8", String::from_utf8_lossy(name))),
+        let points = file.u64()?;
+        file.skip(points, 24)?;
+        Ok(match String::from_utf8(name) {
+            Ok(name) => Ok(Pose { name, quat, translation, camera }),
+            Err(name) => Err(format!("the name `{}` is not UTF-8", String::from_utf8_lossy(name.as_bytes()))),
         })
     })
 }
@@ -436,17 +466,17 @@ fn is_points(line: &str) -> bool {
     words.clone().count().is_multiple_of(3) && words.into_iter().all(|word| word.parse::<f64>().is_ok())
 }
 
-pub(super) fn points_binary(bytes: &[u8], path: &Path, notes: &mut Vec<String>) -> Result<PointCloud> {
+pub(super) fn points_binary(file: impl BufRead + Seek, path: &Path, notes: &mut Vec<String>) -> Result<PointCloud> {
     // Id, position, color, error and the length of its track.
     let mut number = 0;
-    let points = records(bytes, path, "point", 8 + 3 * 8 + 3 + 8 + 8, |bytes| {
-        bytes.u64()?;
-        let (position, color) = (bytes.f64s()?, bytes.array()?);
-        bytes.f64s::<1>()?;
-        let track = usize::try_from(bytes.u64()?.checked_mul(8)?).ok()?;
-        bytes.take(track)?;
+    let points = records(file, path, "point", 8 + 3 * 8 + 3 + 8 + 8, |file| {
+        file.u64()?;
+        let (position, color) = (file.f64s()?, file.array()?);
+        file.f64s::<1>()?;
+        let track = file.u64()?;
+        file.skip(track, 8)?;
         number += 1;
-        Some(Ok((number - 1, position, color)))
+        Ok(Ok((number - 1, position, color)))
     })?;
     Ok(usable(points, "point", path, notes))
 }

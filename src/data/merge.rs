@@ -1,10 +1,11 @@
-//! Merges the trained parts of a plan into one scene, with the memory of one part.
+//! Merges the trained parts of a plan into one scene, with the memory of one part and of all seeds.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::atomic::write_whole;
@@ -39,6 +40,8 @@ struct Kept {
     /// The others of the base.
     banded: Vec<usize>,
     supplement: Vec<usize>,
+    /// Number of those that are next to another part.
+    at_seams: usize,
 }
 
 /// Contents of the header, known before any part is written.
@@ -79,7 +82,7 @@ pub fn merge(plan: &Plan, files: &[PathBuf], output: &Path, mut progress: impl F
         totals.constants += kept.constants.len();
         totals.banded += kept.banded.len();
         totals.supplement += kept.supplement.len();
-        summaries.push(kept.summary(&file.scene, &owners));
+        summaries.push(kept.summary(&file.scene));
         progress(files.len() as u64 * 2);
     }
     let reads = files.len() as u64 * (1 + totals.passes());
@@ -105,13 +108,13 @@ pub fn merge(plan: &Plan, files: &[PathBuf], output: &Path, mut progress: impl F
 
 /// The file of each part.
 fn in_order(plan: &Plan, files: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    let of = plan.parts.len();
+    let (id, of) = (plan.id(), plan.parts.len());
     let mut found: Vec<Option<&PathBuf>> = vec![None; of];
     let mut wrong = Vec::new();
     for path in files {
         let name = path.display();
         match part_of(path)? {
-            Some(part) if part.plan == plan.id() && (part.part as usize) < of => {
+            Some(part) if part.plan == id && (part.part as usize) < of => {
                 let slot = &mut found[part.part as usize];
                 match slot {
                     _ if !part.complete => wrong.push(format!("{name} is unfinished: run its command again")),
@@ -152,7 +155,10 @@ fn part_of(path: &Path) -> Result<Option<PartOf>> {
 
 impl Kept {
     fn of(scene: &Scene, part: u32, owners: &Owners) -> Kept {
-        let owned: Vec<bool> = scene.world_means().map(|at| owners.part(at.to_array()) == part).collect();
+        let means: Vec<[f64; 3]> = scene.world_means().map(|at| at.to_array()).collect();
+        let found: Vec<(u32, bool)> = means.into_par_iter().map(|at| owners.part_and_seam(at)).collect();
+        let owned: Vec<bool> = found.iter().map(|(owner, _)| *owner == part).collect();
+        let at_seams = found.iter().filter(|(owner, at_seam)| *owner == part && *at_seam).count();
         let (base, supplement) = owned.split_at(scene.base.len());
         let constants = if scene.mixed { scene.base.constants() } else { 0 };
         let of = |range: std::ops::Range<usize>| range.filter(|&i| base[i]).collect();
@@ -160,18 +166,16 @@ impl Kept {
             constants: of(0..constants),
             banded: of(constants..base.len()),
             supplement: (0..supplement.len()).filter(|&i| supplement[i]).collect(),
+            at_seams,
         }
     }
 
-    fn summary(&self, scene: &Scene, owners: &Owners) -> PartSummary {
+    fn summary(&self, scene: &Scene) -> PartSummary {
         let all = scene.base.len() + scene.supplement.as_ref().map_or(0, |supplement| supplement.gaussians.len());
         let kept_lobes = self.supplement.len();
         let kept = self.constants.len() + self.banded.len() + kept_lobes;
-        let world: Vec<DVec3> = scene.world_means().collect();
-        let base = self.constants.iter().chain(&self.banded).copied();
-        let numbers = base.chain(self.supplement.iter().map(|&i| scene.base.len() + i));
-        let at_seams = numbers.filter(|&i| owners.is_at_seam(world[i].to_array())).count();
-        PartSummary { kept, kept_lobes, left_out: all - kept, at_seams: at_seams as f64 / kept.max(1) as f64 }
+        let at_seams = self.at_seams as f64 / kept.max(1) as f64;
+        PartSummary { kept, kept_lobes, left_out: all - kept, at_seams }
     }
 }
 

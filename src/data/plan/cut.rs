@@ -43,7 +43,7 @@ const RAY_EVERY: usize = 17;
 /// Places on a ray, evenly up to what it shows, whose owners are looked up. A part that a ray crosses for less than an eighth of its
 /// length may be missed.
 const PLACES: u32 = 8;
-/// Attempts to keep the limits, each with one part more.
+/// Attempts to keep the limits, each with one part more, or with a share of 1/32 more.
 const ATTEMPTS: usize = 32;
 
 /// Cuts `dataset`, which was opened from `path` with `options`. Notes for the user go to `notes`.
@@ -79,11 +79,12 @@ pub fn cut(
     let views = training.iter().map(|&i| (&looks[i], dataset.photos[i].camera.eye()));
     let normals = normals(views, &patches);
 
-    let mut parts: Vec<Part> =
-        (0..number_of_parts).map(|which| seeds_of(which, of_patches, &patches, &normals)).collect();
+    let mut in_parts: Vec<Vec<usize>> = vec![Vec::new(); number_of_parts];
+    of_patches.iter().enumerate().for_each(|(i, &part)| in_parts[part].push(i));
+    let mut parts: Vec<Part> = in_parts.iter().map(|own| seeds_of(own, &patches, &normals)).collect();
+    let in_parts = in_parts.concat();
     let mut numbers = vec![0u32; patches.len()];
-    let in_parts = (0..number_of_parts).flat_map(|which| (0..patches.len()).filter(move |&i| of_patches[i] == which));
-    in_parts.enumerate().for_each(|(number, patch)| numbers[patch] = number as u32);
+    in_parts.iter().enumerate().for_each(|(number, &patch)| numbers[patch] = number as u32);
     let owners = Owners::of(&parts);
     let crossed: Vec<_> =
         dataset.photos.par_iter().zip(&looks).map(|(photo, look)| crossed(photo, look, &patches, &owners)).collect();
@@ -97,9 +98,8 @@ pub fn cut(
         part.near.dedup();
         let seeds = first..first + part.seeds.len() as u32;
         first = seeds.end;
-        let starts = |number: u32| seeds.contains(&number) || part.near.binary_search(&number).is_ok();
-        let points: u64 =
-            numbers.iter().zip(&patches).filter(|(n, _)| starts(**n)).map(|(_, patch)| u64::from(patch.points)).sum();
+        let starts = seeds.chain(part.near.iter().copied());
+        let points = starts.map(|number| u64::from(patches[in_parts[number as usize]].points)).sum();
         part.gaussians = limits.share(points, &patches).clamp(1, limits.gaussians) as u32;
     }
     let there = |path: &Path| std::path::absolute(path).map_err(|source| Error::io(path, source));
@@ -121,13 +121,13 @@ impl Limits {
     }
 }
 
-/// A part with its seeds and bounds.
-fn seeds_of(which: usize, of_patches: &[usize], patches: &[Patch], normals: &[DVec3]) -> Part {
+/// A part with the seeds of its `own` patches and their bounds.
+fn seeds_of(own: &[usize], patches: &[Patch], normals: &[DVec3]) -> Part {
     let mut part = Part::default();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for (i, patch) in patches.iter().enumerate().filter(|(i, _)| of_patches[*i] == which) {
+    for (patch, normal) in own.iter().map(|&i| (patches[i], normals[i])) {
         (low, high) = (low.min(patch.center - patch.radius), high.max(patch.center + patch.radius));
-        let ([x, y, z], [u, v, w]) = (patch.center.to_array(), normals[i].to_array());
+        let ([x, y, z], [u, v, w]) = (patch.center.to_array(), normal.to_array());
         part.seeds.push([x, y, z, u, v, w]);
     }
     part.bounds = if part.seeds.is_empty() { Default::default() } else { [low.to_array(), high.to_array()] };
@@ -168,12 +168,13 @@ fn add_photo(
     if !look.shows_any() {
         return;
     }
+    let shown = look.shown();
     let enough = crossed.iter().filter(|(_, share)| *share >= RING).map(|(part, _)| *part);
     for which in enough.filter(|part| own != Some(*part)).chain(own) {
         let part = &mut parts[which];
         if photo.split == Split::Train {
-            let others = look.patches.iter().filter(|&&patch| of_patches[patch as usize] != which);
-            part.near.extend(others.map(|&patch| numbers[patch as usize]));
+            let others = shown.iter().filter(|(patch, _)| of_patches[*patch as usize] != which);
+            part.near.extend(others.map(|(patch, _)| numbers[*patch as usize]));
         }
         let list = match (photo.split, own) {
             (Split::Test, _) => &mut part.test,
@@ -237,7 +238,7 @@ impl<'a> Visibility<'a> {
         Visibility { edges, cameras, patches }
     }
 
-    /// By node, its part, with the fewest parts that keep `limits`.
+    /// By node, its part, with the fewest parts of all attempts that keep `limits`.
     fn cut_within(&self, limits: Limits) -> Result<Vec<usize>> {
         let fits = |labels: &Vec<usize>| {
             let mut sizes: BTreeMap<usize, (usize, u64)> = BTreeMap::new();
@@ -251,8 +252,10 @@ impl<'a> Visibility<'a> {
             sizes.into_values().all(within)
         };
         let least = self.cameras.div_ceil(limits.photos).max(limits.total.div_ceil(limits.gaussians));
-        let most = (least + ATTEMPTS).min(self.cameras).min(self.patches.len());
-        (least..=most).filter_map(|parts| self.cut(parts)).find(fits).map(in_order).ok_or_else(|| {
+        // A cut is balanced within a few percent: large numbers of parts grow in larger steps.
+        let step = least.div_ceil(ATTEMPTS);
+        let most = (least + ATTEMPTS * step).min(self.cameras).min(self.patches.len());
+        (least..=most).step_by(step).filter_map(|parts| self.cut(parts)).find(fits).map(in_order).ok_or_else(|| {
             Error::Usage(format!(
                 "{} photos and {} groups of points: no cut into {least} to {most} parts gives each at most the photos and \
                  Gaussians asked for; expected larger limits",
@@ -356,7 +359,7 @@ mod tests {
         }
         let owners = Owners::of(&plan.parts);
         assert_eq!([owners.part([3.0, 0.0, 5.1]), owners.part([44.0, 1.0, 4.9])], [0, 1]);
-        assert!(!owners.is_at_seam([3.0, 0.0, 5.1]));
+        assert_eq!(owners.part_and_seam([3.0, 0.0, 5.1]), (0, false));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Which part a place belongs to.
 
+use std::cmp::Ordering;
 use std::num::NonZeroUsize;
 
 use glam::DVec3;
@@ -37,8 +38,7 @@ impl Owners {
     /// Number of the seed that a place (world) belongs to, in the sequence of all parts' seeds; 0 for a place that is not finite.
     pub fn seed(&self, at: [f64; 3]) -> u32 {
         let distances = self.nearest(at).map(|seed| (self.distance(seed, at), seed));
-        // Ties go to the first seed.
-        distances.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map_or(0, |(_, seed)| seed)
+        distances.min_by(order).map_or(0, |(_, seed)| seed)
     }
 
     /// The part of a place (world).
@@ -50,12 +50,16 @@ impl Owners {
         self.firsts.partition_point(|&first| first <= seed).saturating_sub(1) as u32
     }
 
-    /// Whether a place (world) is next to another part: one of that part's seeds is less than twice as far as the nearest.
-    pub fn is_at_seam(&self, at: [f64; 3]) -> bool {
-        let own = self.seed(at);
-        let own_distance = self.seeds.get(own as usize).map_or(0.0, |_| self.distance(own, at));
-        self.nearest(at)
-            .any(|seed| self.part_of(seed) != self.part_of(own) && self.distance(seed, at) < 4.0 * own_distance)
+    /// The part of a place (world), and whether the place is next to another part: one of that part's seeds is less than twice as far as
+    /// the nearest.
+    pub fn part_and_seam(&self, at: [f64; 3]) -> (u32, bool) {
+        let near: Vec<(f64, u32)> = self.nearest(at).map(|seed| (self.distance(seed, at), seed)).collect();
+        let first = near.iter().copied().min_by(order);
+        let part = self.part_of(first.map_or(0, |(_, seed)| seed));
+        let is_other = |&(distance, seed): &(f64, u32)| {
+            first.is_some_and(|(own, _)| distance < 4.0 * own) && self.part_of(seed) != part
+        };
+        (part, near.iter().any(is_other))
     }
 
     /// The nearest seeds, without regard to their orientation.
@@ -73,6 +77,11 @@ impl Owners {
         let behind = from.dot(DVec3::from_array(normal)).min(0.0);
         from.length_squared() + (BEHIND * BEHIND - 1.0) * behind * behind
     }
+}
+
+/// Orders seeds by distance, and equally near ones by number.
+fn order(a: &(f64, u32), b: &(f64, u32)) -> Ordering {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
 }
 
 #[cfg(test)]
