@@ -16,7 +16,7 @@ use crate::{
         plan::{Plan, is_plan},
     },
     gpu::Context,
-    pipelines::{start::upload_photos, views::Views},
+    pipelines::{photographs::Storage, start::store_photos, views::Views},
     report::summary::DatasetSummary,
 };
 
@@ -94,17 +94,18 @@ impl DatasetArgs {
     }
 }
 
-/// Uploads photos to the device. Returns their views and the checksum of each as uploaded: after lens, mask
+/// Stores photos for training. Returns their views and the checksum of each as uploaded: after lens, mask
 /// and downscaling.
 pub(super) fn upload(
     context: &Context,
     photos: &[&Photo],
     background: [f32; 3],
     halvings: u32,
+    storage: Storage,
 ) -> Result<(Views, Vec<u32>)> {
     let reading = Progress::new("reading", "photos", photos.len() as u64);
     let (mut checksums, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
-    let views = upload_photos(context, photos, background, halvings, |done, words| {
+    let views = store_photos(context, photos, background, halvings, storage, |done, words| {
         checksums.push(crc32fast::hash(bytemuck::cast_slice(words)));
         uncounted += usize::from(words.iter().all(|pixel| pixel >> 24 == 0));
         reading.set(done as u64);

@@ -34,6 +34,7 @@ use crate::{
         enhance::{EnhanceOptions, Enhanced, Method},
         join::JoinOptions,
         lift::LiftOptions,
+        photographs::Storage,
         screen::Schedule,
         session::{Policy, Session},
         spend::{MOST_BY_BYTES, MOST_BY_GAIN, Weigh},
@@ -322,7 +323,7 @@ impl Args {
         let Task { dataset, photos, scene, options, policy, trained_with } = task;
         let (background, extent) = (dataset.background, dataset.extent() as f32);
         let session = self.learn.session(context, *policy, background, extent, self.seed.into());
-        let (views, checksums) = upload(context, photos, background, 0)?;
+        let (views, checksums) = upload(context, photos, background, 0, Storage::Device)?;
         // A run by time has another number of steps each time, so it has no checkpoint.
         let mut kept = None;
         if self.time.is_none() {

@@ -82,7 +82,7 @@ impl OutputArgs {
             let name = name.file_name().unwrap_or_default().to_string_lossy();
             return Err(Error::input(path, format!("the output is {what}, expected a name such as {name}")));
         }
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(path);
         writable(folder)
             .map_err(|error| Error::input(path, format!("cannot be written: {}: {error}", folder.display())))?;
         self.check_replaced(path, inputs)?;
@@ -163,6 +163,11 @@ impl OutputArgs {
     }
 }
 
+/// The folder that `path` is in.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 pub(super) fn writable(folder: &Path) -> std::io::Result<()> {
     tempfile::tempfile_in(folder).map(drop)
 }
@@ -178,8 +183,7 @@ fn clear(folder: &Path) {
 /// Fails if `bytes` do not fit on the disk of `path`. Prints a note if they fit, but not together with the
 /// `beside` bytes written meanwhile. If the free space is unknown, nothing is checked.
 pub(super) fn check_room(path: &Path, bytes: u64, beside: u64) -> Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    match fs4::available_space(folder) {
+    match fs4::available_space(folder_of(path)) {
         Ok(free) => judge_room(path, free, [bytes, beside]).map(|said| said.into_iter().for_each(note)),
         Err(_) => Ok(()),
     }
@@ -195,7 +199,7 @@ fn judge_room(path: &Path, free: u64, [bytes, beside]: [u64; 2]) -> Result<Optio
     }
     Ok((free < bytes.saturating_add(beside)).then(|| {
         format!(
-            "{}: its disk has {have:.1} MB left, enough for the scene ({need:.1} MB), but not for {more:.1} MB of \
+            "{}: its disk has {have:.1} MB left, enough for the output ({need:.1} MB), but not for {more:.1} MB of \
              checkpoints and pictures; the run continues, but may not be able to save checkpoints",
             path.display()
         )

@@ -11,6 +11,7 @@ pub(super) use first::fit;
 use first::{First, checksum};
 use serde::Serialize;
 use serde_json::json;
+use storage::{PhotosOn, photo_bytes};
 
 use super::{
     DeviceArgs, DrawArgs, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
@@ -44,6 +45,7 @@ use crate::{
 
 mod course;
 mod first;
+mod storage;
 
 const EXAMPLES: &str = "\
 Gaussians start at the dataset's sparse points, or at random points if there are none. The default --strategy adds more where \
@@ -139,6 +141,13 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=HALVED_UNTIL.len() as i64))]
     #[serde(skip)]
     halvings: Option<u32>,
+    /// Place of the training photos: the device's memory, the host's, or a temporary file next to the output,
+    /// for datasets larger than both. From host and disk each step copies its photo to the device. The scene
+    /// does not depend on it [default: device; if the photos and the Gaussians do not fit there, host; if the
+    /// photos fill more than half of that or the device shares it, disk]
+    #[arg(long, value_name = "PLACE", value_enum)]
+    #[serde(skip)]
+    photos_on: Option<PhotosOn>,
     /// Seed of random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -297,9 +306,7 @@ impl Args {
     fn train(&self, context: &Context, look_at: &mut Look<'_>, read: Read<'_>, mut first: First) -> Outcome {
         let Read { began, dataset, photos, test, holdout, policy, trained_with, inputs, replace } = read;
         let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
-        if self.gaussians.is_none() {
-            first.fit(context, self.learning_bytes(), pixels).into_iter().for_each(note);
-        }
+        let on = self.place_photos(context, &mut first, pixels);
         let course = Course {
             sh_degree: self.degree(),
             begins: first.begins,
@@ -313,11 +320,12 @@ impl Args {
         // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);
         let scene = u64::from(control.limit) * gaussian_bytes(course.sh_degree, false);
-        check_room(&self.output, scene, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
+        let on_disk = if on == PhotosOn::Disk { photo_bytes(pixels) } else { 0 };
+        check_room(&self.output, scene + on_disk, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
         let session = self.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
-        let (views, checksums) = upload(context, &photos, dataset.background, course.halvings)?;
+        let (views, checksums) = upload(context, &photos, dataset.background, course.halvings, self.storage(on)?)?;
         let most = control.limit.max(course.first);
-        self.tell_memory(pixels, most, course.halvings);
+        self.tell_memory(if on == PhotosOn::Device { pixels } else { 0 }, most, course.halvings);
 
         let mut base = first.gaussians;
         let beginning = checksum(&base);
@@ -395,10 +403,12 @@ impl Args {
         }
     }
 
-    /// Logs the expected device memory.
+    /// Logs the expected device memory, with photos of `pixels` in it.
     fn tell_memory(&self, pixels: u64, most: u32, halvings: u32) {
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
-        tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
+        if pixels > 0 {
+            tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
+        }
         if halvings > 0 {
             let times = if halvings == 1 { "once" } else { "twice" };
             tracing::info!("training starts on photos with sides halved {times}");

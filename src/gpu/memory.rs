@@ -86,6 +86,8 @@ pub(super) struct Budget {
     /// By location: true if its memory is in that heap. This includes the host's memory if there is only one
     /// heap, or the host sees no other.
     counted: [bool; Location::ALL.len()],
+    /// Bytes of the heap of [`Location::Upload`], if it is another one.
+    staging: Option<u64>,
     used: AtomicU64,
     most_used: AtomicU64,
     /// Changes only with the allocator, under its lock.
@@ -101,13 +103,15 @@ impl Budget {
         let heap = Location::Device.heap(&physical.memory, types).unwrap_or(0);
         let mut most = heaps.get(heap).map_or(u64::MAX, |heap| heap.size);
         let counted = Location::ALL.map(|location| location.heap(&physical.memory, types) == Some(heap));
+        let staging = Location::Upload.heap(&physical.memory, types).filter(|&of| of != heap);
+        let staging = staging.and_then(|of| heaps.get(of)).map(|heap| heap.size);
         let shared = has_extension(&physical.extensions, ash::ext::memory_budget::NAME);
         if physical.device_type == vk::PhysicalDeviceType::CPU && !shared {
             most = host_memory().unwrap_or(most);
         }
         let most = cap.map_or(most, |cap| cap.min(most));
         let [used, most_used, taken] = [const { AtomicU64::new(0) }; 3];
-        Budget { heap, most, shared, counted, used, most_used, taken, blocks: AtomicU32::new(0) }
+        Budget { heap, most, shared, counted, staging, used, most_used, taken, blocks: AtomicU32::new(0) }
     }
 
     fn counts(&self, location: Location) -> bool {
@@ -132,6 +136,11 @@ impl Context {
     /// Bytes that this context's buffers can use if no other program uses any: constant.
     pub fn memory_at_most(&self) -> u64 {
         self.0.budget.most
+    }
+
+    /// Bytes of the host memory that the device copies from; `None` if it is the device's own memory.
+    pub fn staging_memory(&self) -> Option<u64> {
+        self.0.budget.staging
     }
 
     /// This context's memory budget and its use, bytes. Other programs and the caller's own memory count if

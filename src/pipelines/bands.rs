@@ -131,15 +131,16 @@ impl Rig {
         (k, view): (usize, u32),
         grid: &Grid,
         status: &Buffer<u32>,
-    ) {
-        let Some((_, dispatch, page)) = model.pages(Segment::Base).nth(k) else { return };
+    ) -> Result<()> {
+        let Some((_, dispatch, page)) = model.pages(Segment::Base).nth(k) else { return Ok(()) };
+        let targets = views.record_photograph(recorder, view)?;
         for (image, look) in self.image.iter().zip(&self.look) {
             image.record(
                 recorder,
                 &density_image::Buffers {
                     frames: &views.frames,
                     image: &raster.buffers.image,
-                    targets: views.targets(view as usize),
+                    targets,
                     image_grad: &raster.buffers.image_grad,
                 },
                 &density_image::Push { frame: view },
@@ -171,6 +172,7 @@ impl Rig {
                 dispatch,
             );
         }
+        Ok(())
     }
 
     /// Records the fits of page `k`.
@@ -331,8 +333,7 @@ impl Looped for Looking<'_> {
         }
         let show = Show::all(model, rig.background);
         let grid = renderer.record(recorder, model, views, step, &show, status)?;
-        rig.record_look(recorder, (model, views, &renderer.raster), (*page, step), &grid, status);
-        Ok(())
+        rig.record_look(recorder, (model, views, &renderer.raster), (*page, step), &grid, status)
     }
 
     fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {

@@ -21,6 +21,7 @@ pub mod lift;
 #[cfg(feature = "train")]
 pub mod loss;
 pub mod model;
+pub mod photographs;
 pub mod plan;
 #[cfg(feature = "train")]
 pub mod pursuit;

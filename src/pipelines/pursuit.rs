@@ -540,13 +540,14 @@ impl Placer {
         let page = self.pages.iter().find(|page| page.views.contains(&view));
         let Some(page) = page else { return Err(too_many()) };
         let pixels = camera.pixels();
+        let targets = views.record_photograph(recorder, view)?;
         self.stages.residual.record(
             recorder,
             &pursuit_residual::Buffers {
                 frames: &views.frames,
                 plots: &self.plots,
                 image,
-                targets: views.targets(view as usize),
+                targets,
                 depths,
                 texels: &w.raw_texels,
                 surface_depths: &page.surface_depths,

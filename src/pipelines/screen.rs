@@ -191,7 +191,7 @@ pub fn base_renders(session: &Session, renderer: &mut Renderer, model: &Model, v
             frame_count: list.len() as u32,
             tiles_per_frame: tiles_per_frame(list),
             image: &first.images,
-            targets: views.targets(batch.start),
+            targets: views.targets(batch.start)?,
         };
         let mut recorder = context.recorder("base losses")?;
         loss.record_forward(&mut recorder, &of_batch, Tiles::All, None);
@@ -413,7 +413,7 @@ impl Refiner {
     /// Continues the current batch, over `model`'s base; `renderer` must have depth. `None` once it is
     /// refined. The host waits for submissions in flight, and once per round.
     pub fn advance(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Option<Progress>> {
-        let (first, targets) = (self.batch.start as u32, views.targets(self.batch.start));
+        let (first, targets) = (self.batch.start as u32, views.targets(self.batch.start)?);
         loop {
             let steps = match self.job {
                 Job::Idle => return Ok(None),

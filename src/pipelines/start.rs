@@ -4,6 +4,7 @@ use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 use super::{
+    photographs::Storage,
     train::HALVED_UNTIL,
     views::{Views, halved, origin_for},
 };
@@ -48,25 +49,40 @@ pub fn most_gaussians(pixels: u64) -> usize {
     (pixels / PIXELS_EACH[0]) as usize
 }
 
-/// Uploads the cameras of `photos` with their photographs as targets, and copies with sides halved up to
-/// `halvings` times. A masked pixel has alpha 0. Photographs are decoded a few at a time, so that the host
-/// never holds them all. Transparent pixels are blended over `background`. `progress` is called after every
-/// photo, with the number done so far and its pixels as uploaded.
+/// [`store_photos`] in device memory.
 ///
 /// # Errors
-/// Errors of the files, and [`Error::Usage`] if a photograph is too large for the device.
+/// Those of [`store_photos`].
 pub fn upload_photos(
     context: &Context,
     photos: &[&Photo],
     background: [f32; 3],
     halvings: u32,
+    progress: impl FnMut(usize, &[u32]),
+) -> Result<Views> {
+    store_photos(context, photos, background, halvings, Storage::Device, progress)
+}
+
+/// Uploads the cameras of `photos`, and stores their photographs as targets, with copies whose sides are halved
+/// up to `halvings` times. A masked pixel has alpha 0. Photographs are decoded a few at a time, so that the host
+/// never holds them all. Transparent pixels are blended over `background`. `progress` is called after every
+/// photo, with the number done so far and its pixels as uploaded.
+///
+/// # Errors
+/// Errors of the files, and [`Error::Usage`] if a photograph is too large for the device.
+pub fn store_photos(
+    context: &Context,
+    photos: &[&Photo],
+    background: [f32; 3],
+    halvings: u32,
+    storage: Storage,
     mut progress: impl FnMut(usize, &[u32]),
 ) -> Result<Views> {
     if let Some(error) = photos.iter().find_map(|photo| too_large(photo, context.info().max_storage_bytes)) {
         return Err(error);
     }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
-    let views = Views::halved(context, origin_for(&cameras), &cameras, halvings)?;
+    let views = Views::halved(context, origin_for(&cameras), &cameras, halvings, storage)?;
     let (mut done, mut any_counts) = (0, photos.is_empty());
     // Each size is made from the next larger one.
     let sizes = |photo: &Photo, image: Image| {

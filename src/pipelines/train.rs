@@ -144,7 +144,7 @@ impl Trainer {
                 varies: false,
                 newton,
             },
-            steps: Steps::new(context, BATCH)?,
+            steps: Steps::new(context, BATCH.min(views.views_at_once() / views_per_step))?,
         })
     }
 
@@ -404,34 +404,34 @@ impl Training {
 }
 
 impl On<'_> {
-    /// Inputs of the loss for one view.
-    fn batch(&self, view: u32) -> Batch<'_> {
-        let On { training, views, .. } = self;
-        let blended = &training.renderer.raster.buffers.image;
-        Batch {
-            frames: &views.frames,
-            frame_first: view,
-            frame_count: 1,
-            tiles_per_frame: training.tiles_per_frame,
-            image: training.exposure.as_ref().map_or(blended, |exposure| &exposure.corrected),
-            targets: views.targets(view as usize),
-        }
-    }
-
     /// One Newton step in [`PROBED_NTH`] is probed.
     fn is_probed(&self, step: u32) -> bool {
         self.training.newton && step.is_multiple_of(PROBED_NTH)
     }
 
-    /// Records the gradient records of one view.
-    fn record_view(&self, recorder: &mut Recorder, at: u32, degree: u32, status: &Buffer<u32>) -> Result<Grid> {
+    /// Records the gradient records of one view and returns the inputs of its loss.
+    fn record_view(
+        &self,
+        recorder: &mut Recorder,
+        at: u32,
+        degree: u32,
+        status: &Buffer<u32>,
+    ) -> Result<(Grid, Batch<'_>)> {
         let On { training, model, views } = self;
         let Training { renderer, loss, .. } = &**training;
         let view = training.schedule[at as usize];
+        let targets = views.record_photograph(recorder, view)?;
         let show = Show { upto: Segment::Supplement, degree, background: training.background };
         let grid = renderer.record(recorder, model, views, view, &show, status)?;
         let buffers = &renderer.raster.buffers;
-        let batch = self.batch(view);
+        let batch = Batch {
+            frames: &views.frames,
+            frame_first: view,
+            frame_count: 1,
+            tiles_per_frame: training.tiles_per_frame,
+            image: training.exposure.as_ref().map_or(&buffers.image, |exposure| &exposure.corrected),
+            targets,
+        };
         if let Some(exposure) = &training.exposure {
             exposure.record_apply(recorder, views, view, buffers);
         }
@@ -456,7 +456,7 @@ impl On<'_> {
         }
         loss.record_sum(recorder, &batch, at);
         blend_backward(recorder);
-        Ok(grid)
+        Ok((grid, batch))
     }
 }
 
@@ -470,7 +470,7 @@ impl Looped for On<'_> {
             training.learners.iter().for_each(|learner| learner.record_begin(recorder));
         }
         for at in step * views_per_step..(step + 1) * views_per_step {
-            let grid = self.record_view(recorder, at, degree, status)?;
+            let (grid, batch) = self.record_view(recorder, at, degree, status)?;
             let view = training.schedule[at as usize];
             let seen = Seen { model, views, view, raster, degree, status };
             for learner in &training.learners {
@@ -483,7 +483,7 @@ impl Looped for On<'_> {
                 exposure.record_step(recorder, views, view, f64::from(step) / f64::from(training.total()), status);
             }
             if let Some(density) = &training.density {
-                let seen = ScoredView { model, views, view, raster, grid: &grid, batch: self.batch(view), status };
+                let seen = ScoredView { model, views, view, raster, grid: &grid, batch, status };
                 density.record_scores(recorder, step, &seen);
             }
         }

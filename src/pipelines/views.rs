@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
+use super::photographs::{Photographs, Storage};
 use crate::{
-    error::Result,
-    gpu::{Buffer, Context, GpuError, Location},
+    error::{Error, Result},
+    gpu::{Buffer, Context, Recorder},
     scene::Camera,
     stages::{
         constants::constants::NEAR,
@@ -21,14 +22,11 @@ pub struct Views {
     /// The cameras in the kernels' format.
     pub views: Buffer<View>,
     /// Frame v is view v alone: its image starts at pixel 0 of the working image, its target at its
-    /// photograph.
+    /// photograph in the buffer of [`Views::record_photograph`].
     pub frames: Buffer<Frame>,
     /// Copy of `frames` on the host.
     pub frame_list: Vec<Frame>,
-    /// 8-bit RGBA of the photographs, in pages that the device can bind; no photograph spans two.
-    targets: Vec<Buffer<u32>>,
-    /// By view: index of its photograph's page.
-    target_pages: Vec<usize>,
+    photographs: Photographs,
     /// Cameras, in coordinates relative to `origin`.
     pub cameras: Vec<Camera>,
     /// Number of photographs, 0 if there are none: view v + k · `photos` is view v < `photos` with its sides
@@ -89,15 +87,21 @@ impl Views {
         Ok(views)
     }
 
-    /// Makes room for photographs at several sizes, uploaded by [`Views::upload_photograph`]: those of
+    /// Makes room for photographs at several sizes, stored by [`Views::upload_photograph`]: those of
     /// `cameras`, then all of them with sides halved once, and so on, `halvings` times.
     ///
     /// # Errors
     /// Those of [`Views::without_photographs`].
-    pub fn halved(context: &Context, origin: DVec3, cameras: &[Camera], halvings: u32) -> Result<Self> {
+    pub fn halved(
+        context: &Context,
+        origin: DVec3,
+        cameras: &[Camera],
+        halvings: u32,
+        storage: Storage,
+    ) -> Result<Self> {
         let smaller = |halvings: u32| cameras.iter().map(move |camera| halved(camera, halvings));
         let all: Vec<Camera> = (0..=halvings).flat_map(smaller).collect();
-        Ok(Views { photos: cameras.len() as u32, ..Self::without_photographs(context, origin, &all, true)? })
+        Ok(Views { photos: cameras.len() as u32, ..Self::make(context, origin, &all, Some(storage))? })
     }
 
     /// Maximum number of halvings of the photographs.
@@ -105,71 +109,80 @@ impl Views {
         (self.cameras.len() as u32).checked_div(self.photos).map_or(0, |sizes| sizes - 1)
     }
 
-    /// Uploads cameras, with optional room for photographs; [`Views::upload_photograph`] uploads these.
+    /// Uploads cameras, with optional room for photographs in device memory; [`Views::upload_photograph`] uploads
+    /// these.
     ///
     /// # Errors
-    /// [`GpuError::BufferTooLarge`] if a single photograph exceeds the device's limit for one buffer.
+    /// [`GpuError::BufferTooLarge`](crate::gpu::GpuError::BufferTooLarge) if a single photograph exceeds the
+    /// device's limit for one buffer.
     pub fn without_photographs(
         context: &Context,
         origin: DVec3,
         cameras: &[Camera],
         photographs: bool,
     ) -> Result<Self> {
+        Self::make(context, origin, cameras, photographs.then_some(Storage::Device))
+    }
+
+    fn make(context: &Context, origin: DVec3, cameras: &[Camera], storage: Option<Storage>) -> Result<Self> {
         // guard: views around the origin
         let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.around(origin)).collect();
-        let most = (context.info().max_storage_bytes / size_of::<u32>() as u64).min(u64::from(u32::MAX)) as usize;
-        let mut frames = Vec::with_capacity(cameras.len());
-        let (mut pages, mut target_pages) = (vec![0usize], Vec::with_capacity(cameras.len()));
-        for camera in &cameras {
-            let pixels = camera.pixels() as usize;
-            if pages[pages.len() - 1] + pixels > most && pages[pages.len() - 1] > 0 {
-                pages.push(0);
-            }
-            let page = pages.len() - 1;
-            frames.push(Frame {
-                image_first: 0,
-                target_first: pages[page] as u32,
-                width: camera.width,
-                height: camera.height,
-            });
-            pages[page] += pixels;
-            target_pages.push(page);
-        }
-        // Without photographs, a page is one placeholder word.
-        let page =
-            |pixels: &usize| Buffer::new(context, "targets", if photographs { *pixels } else { 1 }, Location::Device);
+        let photographs = Photographs::new(context, &cameras, storage)?;
+        let frame = |(v, camera): (usize, &Camera)| Frame {
+            image_first: 0,
+            target_first: photographs.first(v),
+            width: camera.width,
+            height: camera.height,
+        };
+        let frames: Vec<Frame> = cameras.iter().enumerate().map(frame).collect();
         let list: Vec<View> = cameras.iter().map(|camera| view(camera, 0)).collect();
         Ok(Views {
             views: Buffer::from_slice(context, "views", &list)?,
             frames: Buffer::from_slice(context, "frames", &frames)?,
-            targets: pages.iter().map(page).collect::<Result<_, GpuError>>()?,
+            photographs,
             frame_list: frames,
-            target_pages,
             photos: cameras.len() as u32,
             cameras,
             origin,
         })
     }
 
-    /// Uploads the photograph of view `v`, packed by [`pack`], with alpha 0 for masked pixels. Waits.
+    /// Stores the photograph of view `v`, packed by [`pack`], with alpha 0 for masked pixels. Waits.
     pub fn upload_photograph(&self, v: usize, packed: &[u32]) -> Result<()> {
-        Ok(self.targets[self.target_pages[v]].upload(self.frame_list[v].target_first as usize, packed)?)
+        self.photographs.write(v, packed)
     }
 
-    /// Downloads the photograph of view `v`. Waits.
+    /// Reads the photograph of view `v` back. Waits.
     pub fn download_photograph(&self, v: usize) -> Result<Vec<u32>> {
-        let (frame, page) = (&self.frame_list[v], &self.targets[self.target_pages[v]]);
-        Ok(page.download_range(frame.target_first as usize, (frame.width * frame.height) as usize)?)
+        self.photographs.read(v)
     }
 
-    /// The page with the photograph of view `v`.
-    pub fn targets(&self, v: usize) -> &Buffer<u32> {
-        &self.targets[self.target_pages[v]]
+    /// The buffer from which the next commands can read the photograph of view `v`. Unless it lies in device
+    /// memory, records a copy, which replaces the photograph of the view before.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read.
+    pub fn record_photograph(&self, recorder: &mut Recorder, v: u32) -> Result<&Buffer<u32>> {
+        self.photographs.record(recorder, v as usize)
+    }
+
+    /// Maximum number of views per submission: host memory for those in flight is limited.
+    pub fn views_at_once(&self) -> u32 {
+        self.photographs.views_at_once()
+    }
+
+    /// The page with the photograph of view `v`, for work on several views at once.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] unless photographs lie in device memory.
+    pub fn targets(&self, v: usize) -> Result<&Buffer<u32>> {
+        let error = || Error::Usage("work on several views at once needs photographs in device memory".into());
+        self.photographs.on_device(v).ok_or_else(error)
     }
 
     /// Number of views from `v` on, itself included, whose photographs lie in the same page.
     pub fn same_page(&self, v: usize) -> usize {
-        self.target_pages[v..].iter().take_while(|&&page| page == self.target_pages[v]).count()
+        self.photographs.same_page(v)
     }
 
     /// Maximum number of pixels of a view.

@@ -550,6 +550,25 @@ fn memory_that_runs_out_anywhere_is_an_error() {
     }
 }
 
+/// The checkpoint of a run with photos in one place serves a run with photos in another.
+#[test]
+fn the_scene_does_not_depend_on_where_photos_lie() {
+    let work = Work::new();
+    work.trained(TRAIN, "whole.ply");
+    let whole = fs::read(work.path("whole.ply")).unwrap();
+    for [before, after] in [["disk", "host"], ["host", "disk"]] {
+        work.killed(&format!("{TRAIN} -o out.ply --photos-on {before}"), CHECKPOINT);
+        assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
+        let report = work.json(&format!("{TRAIN} -o out.ply --photos-on {after} --json"));
+        assert!(report["iterations_resumed"].as_u64() > Some(0), "{report}");
+        assert!(fs::read(work.path("out.ply")).unwrap() == whole, "{before}, then {after}");
+        fs::remove_file(work.path("out.ply")).unwrap();
+    }
+    let said = work.said(&format!("{TRAIN} -o out.ply --photos-on disk"));
+    assert!(said.contains("MB of photos lie in a temporary file next to the output; each step copies one"), "{said}");
+    assert!(fs::read(work.path("out.ply")).unwrap() == whole);
+}
+
 /// A limit on file sizes simulates a full disk: either way, writing fails in the middle.
 #[cfg(unix)]
 #[test]

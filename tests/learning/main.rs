@@ -8,6 +8,7 @@ mod determinism;
 mod exposure;
 mod floors;
 mod method;
+mod photographs;
 mod pursuit;
 mod pursuit_edges;
 mod screen;

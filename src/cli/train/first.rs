@@ -17,7 +17,7 @@ use crate::{
 /// Share of the memory for Gaussians and their intersections.
 const MEMORY_PART: f64 = 0.75;
 /// Bytes of a photo's pixel: one word, and half as much for smaller copies.
-const PIXEL_BYTES: f64 = 6.0;
+pub(super) const PIXEL_BYTES: f64 = 6.0;
 /// Bytes of a Gaussian beyond its learned ones: 52 of its splat, 40 for each of about six intersections
 /// (checked by `tests/invariants/model.rs`), and scores.
 const WORKING_BYTES: u64 = 320;

@@ -1,0 +1,90 @@
+//! Photographs in host memory or in a file: training gives the same bits as with photographs in device memory.
+
+use glam::DVec3;
+use glint::{
+    pipelines::{
+        learn::{Lesson, Rates},
+        model::{Model, Segment},
+        photographs::Storage,
+        train::{StepPlan, Trainer, permutations},
+        views::Views,
+    },
+    reference::random_scene,
+    scene::Camera,
+};
+
+use super::{
+    bits,
+    common::{Gpu, session},
+};
+
+const PHOTOS: u32 = 120;
+const VIEWS_PER_STEP: u32 = 2;
+
+/// Bits of the scene and of the losses after two passes, and the bytes that buffers use then.
+fn trained(storage: Storage) -> (Vec<u64>, Vec<u32>, u64) {
+    let gpu = Gpu::new();
+    let cameras: Vec<Camera> = (0..PHOTOS)
+        .map(|v| Camera {
+            translation: DVec3::new(f64::from(v % 10) * 0.02, f64::from(v / 10) * 0.02, 0.0),
+            ..Camera::new(40 - v % 9, 30 - v % 5, 40.0)
+        })
+        .collect();
+    let views = Views::halved(&gpu, DVec3::ZERO, &cameras, 1, storage).unwrap();
+    for (v, camera) in views.cameras.iter().enumerate() {
+        let pixel = |i: u32| 0xFF00_0000 | (v as u32 * 7919 + i).wrapping_mul(2_654_435_761) >> 8;
+        let packed: Vec<u32> = (0..camera.pixels()).map(pixel).collect();
+        views.upload_photograph(v, &packed).unwrap();
+        assert!(views.download_photograph(v).unwrap() == packed, "view {v}");
+    }
+    let mut scene = random_scene(5, 200, 0, 0);
+    for (k, mean) in scene.base.means.iter_mut().enumerate() {
+        let (x, y) = ((k * 37 % 40) as f64, (k * 59 % 30) as f64);
+        *mean = cameras[0].unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
+    }
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let rates = Rates { mean: 1e-3, log_scale: 5e-3, quat: 1e-3, opacity: 0.025, dc: 2.5e-3, ..Default::default() };
+    let plan = move |_: u32| StepPlan { rates, active_degree: 0 };
+    let schedule = permutations(2 * PHOTOS, 4 * PHOTOS, 3);
+    let (session, lessons) = (session(&gpu), [Lesson::new(Segment::Base)]);
+    let mut trainer = Trainer::new(&session, &model, &views, &lessons, schedule, VIEWS_PER_STEP, plan).unwrap();
+    let report = trainer.run(&model, &views, false, |_| ()).unwrap();
+    let losses = report.losses.iter().map(|loss| loss.to_bits()).collect();
+    let learned = model.download().unwrap();
+    assert!(bits(&learned) != bits(&scene));
+    (bits(&learned), losses, gpu.memory().used)
+}
+
+#[test]
+fn training_gives_the_same_bits_wherever_photographs_lie() {
+    let (scene, losses, used) = trained(Storage::Device);
+    assert_eq!(losses.len(), 4 * PHOTOS as usize);
+    let file = tempfile::tempfile().unwrap();
+    for storage in [Storage::Host, Storage::File(file, "photos".into())] {
+        let in_file = matches!(storage, Storage::File(..));
+        let (other_scene, other_losses, other_used) = trained(storage);
+        assert!(other_scene == scene && other_losses == losses, "in a file: {in_file}");
+        // 240 photographs on the device, or a slot and, in host memory, those of two submissions of up to 16 steps. A CPU
+        // device has one memory for both.
+        assert!(!in_file || other_used < used, "{other_used} bytes, {used} on the device");
+    }
+}
+
+#[test]
+fn several_views_at_once_need_photographs_on_the_device() {
+    let gpu = Gpu::new();
+    let views = Views::halved(&gpu, DVec3::ZERO, &[Camera::new(8, 6, 9.0)], 0, Storage::Host).unwrap();
+    let said = views.targets(0).err().unwrap().to_string();
+    assert!(said.contains("photographs in device memory"), "{said}");
+}
+
+/// A file that ends early, as on a disk that fails.
+#[test]
+fn a_file_that_cannot_be_read_is_named() {
+    let gpu = Gpu::new();
+    let storage = Storage::File(tempfile::tempfile().unwrap(), "some/folder".into());
+    let views = Views::halved(&gpu, DVec3::ZERO, &[Camera::new(8, 6, 9.0)], 0, storage).unwrap();
+    let mut recorder = gpu.recorder("photograph").unwrap();
+    let said = views.record_photograph(&mut recorder, 0).err().unwrap().to_string();
+    assert!(said.starts_with("some/folder: "), "{said}");
+}
