@@ -13,8 +13,9 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::{
-    Access, Buffer, Check, Context, GpuError, HostBuffer, Judge, Kernel, Pipeline, RawBuffer, Shadowed, Twin, TwinCall,
-    Workgroups, needs,
+    Access, Buffer, Check, Context, GpuError, HostBuffer, Judge, Kernel, KernelInfo, Pipeline, RawBuffer, Shadowed,
+    Twin, TwinCall, Workgroups, needs,
+    pipeline::RawPipeline,
     pools::{CommandSlot, Pools, Sets, StageTime, Stamps, make_slot, recycle},
 };
 
@@ -108,6 +109,34 @@ enum Count<'a> {
     Of(u32),
     /// Words `3·slot..3·slot+3` of a buffer.
     Indirect(&'a Buffer<u32>, u32),
+}
+
+/// A dispatch without its kernel's types.
+struct Call<'a> {
+    kernel: &'static KernelInfo,
+    pipeline: RawPipeline,
+    workgroup_size: u32,
+    spec: &'a [(u32, u32)],
+    /// A buffer for each of the kernel's bindings.
+    raw: &'a [&'a Arc<RawBuffer>],
+    push: &'a [u8],
+    count: Count<'a>,
+}
+
+impl Call<'_> {
+    /// Copies the kernel's buffers to the host.
+    fn download(&self) -> Result<Vec<HostBuffer>, GpuError> {
+        self.raw.iter().map(|buffer| Ok(HostBuffer::new(&buffer.bytes().download()?))).collect()
+    }
+
+    /// Uploads a twin's results to the buffers that its kernel writes.
+    fn upload(&self, now: &[HostBuffer]) -> Result<(), GpuError> {
+        let mut bound = self.raw.iter().zip(self.kernel.bindings).zip(now);
+        bound.try_for_each(|((raw, binding), now)| match binding.access.writes() && !raw.unused {
+            true => raw.bytes().upload(0, now.bytes()),
+            false => Ok(()),
+        })
+    }
 }
 
 /// Submitted work. Dropping it waits.
@@ -213,12 +242,8 @@ impl Recorder {
         groups: u32,
     ) {
         // guard: dispatches of nothing
-        if groups == 0 {
-            return;
-        }
-        match self.twins::<K>() {
-            Some(twins) => self.run_alone(twins, pipeline, buffers, push, &Count::Of(groups)),
-            None => drop(self.run_kernel(pipeline, buffers, push, groups)),
+        if groups > 0 {
+            self.call(pipeline, buffers, push, Count::Of(groups));
         }
     }
 
@@ -231,45 +256,47 @@ impl Recorder {
         args: &Buffer<u32>,
         slot: u32,
     ) {
-        match self.twins::<K>() {
-            Some(twins) => self.run_alone(twins, pipeline, buffers, push, &Count::Indirect(args, slot)),
-            None => drop(self.run_kernel_indirect(pipeline, buffers, push, args, slot)),
-        }
+        self.call(pipeline, buffers, push, Count::Indirect(args, slot));
+    }
+
+    fn call<K: Kernel>(&mut self, pipeline: &Pipeline<K>, buffers: &K::Buffers<'_>, push: &K::Push, count: Count<'_>) {
+        K::raw_buffers(buffers, |raw| {
+            let call = Call {
+                kernel: const { &KernelInfo::of::<K>() },
+                pipeline: pipeline.raw,
+                workgroup_size: pipeline.workgroup_size,
+                spec: &pipeline.spec,
+                raw,
+                push: bytemuck::bytes_of(push),
+                count,
+            };
+            match self.twins(call.kernel.name) {
+                Some(twins) => self.run_alone(twins, &call),
+                None => drop(self.run_kernel(&call)),
+            }
+        });
     }
 
     /// False if it could not be recorded.
-    fn run_kernel<K: Kernel>(
-        &mut self,
-        pipeline: &Pipeline<K>,
-        buffers: &K::Buffers<'_>,
-        push: &K::Push,
-        groups: u32,
-    ) -> bool {
-        if !self.bind(pipeline, buffers, push, None) {
+    fn run_kernel(&mut self, call: &Call<'_>) -> bool {
+        if !self.bind(call) {
             return false;
         }
-        let x = groups.min(MAX_GROUPS);
+        let device = &self.context.0.device;
         // SAFETY: the pipeline, its descriptors and constants are bound; kernels bound-check folded indices themselves.
-        unsafe { self.context.0.device.cmd_dispatch(self.commands, x, groups.div_ceil(x), 1) };
-        self.close(K::NAME);
-        true
-    }
-
-    /// False if it could not be recorded.
-    fn run_kernel_indirect<K: Kernel>(
-        &mut self,
-        pipeline: &Pipeline<K>,
-        buffers: &K::Buffers<'_>,
-        push: &K::Push,
-        args: &Buffer<u32>,
-        slot: u32,
-    ) -> bool {
-        if !self.bind(pipeline, buffers, push, Some(args)) {
-            return false;
+        // Nothing checked the slot, which stages derive from their own layout.
+        unsafe {
+            match call.count {
+                Count::Of(groups) => {
+                    let x = groups.min(MAX_GROUPS);
+                    device.cmd_dispatch(self.commands, x, groups.div_ceil(x), 1);
+                }
+                Count::Indirect(args, slot) => {
+                    device.cmd_dispatch_indirect(self.commands, args.raw().handle, u64::from(slot) * 12);
+                }
+            }
         }
-        // SAFETY: as in `run_kernel`; `bind` checked nothing about the slot, which stages derive from their own layout.
-        unsafe { self.context.0.device.cmd_dispatch_indirect(self.commands, args.raw().handle, u64::from(slot) * 12) };
-        self.close(K::NAME);
+        self.close(call.kernel.name);
         true
     }
 
@@ -344,9 +371,9 @@ impl Recorder {
     }
 
     /// Twins of the kernel, if there are any.
-    fn twins<K: Kernel>(&self) -> Option<Twins> {
+    fn twins(&self, stage: &str) -> Option<Twins> {
         let inner = &self.context.0;
-        let of = |twins: &[Twin]| twins.iter().find(|twin| twin.stage == K::NAME).copied();
+        let of = |twins: &[Twin]| twins.iter().find(|twin| twin.stage == stage).copied();
         let stand_in = of(&inner.own.twins);
         let judge = inner.own.judge.as_ref().and_then(|judge| Some((of(&judge.twins)?, judge.clone())));
         if stand_in.is_none() && judge.is_none() {
@@ -354,32 +381,23 @@ impl Recorder {
         }
         if self.slot.is_none() {
             static TOLD: Once = Once::new();
-            TOLD.call_once(|| {
-                tracing::warn!("twins stand in for no stage of a caller's command buffer: {} runs", K::NAME)
-            });
+            TOLD.call_once(|| tracing::warn!("twins stand in for no stage of a caller's command buffer: {stage} runs"));
             return None;
         }
         Some(Twins { stand_in, judge })
     }
 
     /// Runs the commands recorded so far, then the kernel or its twin by itself, and resumes recording.
-    fn run_alone<K: Kernel>(
-        &mut self,
-        twins: Twins,
-        pipeline: &Pipeline<K>,
-        buffers: &K::Buffers<'_>,
-        push: &K::Push,
-        count: &Count<'_>,
-    ) {
+    fn run_alone(&mut self, twins: Twins, call: &Call<'_>) {
         if self.failed.is_some() {
             return;
         }
-        let outcome = self.run_with_twins(twins, pipeline, buffers, push, count);
+        let outcome = self.run_with_twins(twins, call);
         // The next command needs a command buffer even if this failed.
         self.failed = outcome.and(self.begin_again()).err();
         self.kept.clear();
-        self.label(K::LABEL);
-        self.close(K::NAME);
+        self.label(call.kernel.label);
+        self.close(call.kernel.name);
     }
 
     /// Submits the commands recorded so far and waits for them.
@@ -404,16 +422,9 @@ impl Recorder {
         self.begin(c"after a twin")
     }
 
-    fn run_with_twins<K: Kernel>(
-        &mut self,
-        twins: Twins,
-        pipeline: &Pipeline<K>,
-        buffers: &K::Buffers<'_>,
-        push: &K::Push,
-        count: &Count<'_>,
-    ) -> Result<(), GpuError> {
+    fn run_with_twins(&mut self, twins: Twins, call: &Call<'_>) -> Result<(), GpuError> {
         self.finish_recorded()?;
-        let groups = match *count {
+        let groups = match call.count {
             Count::Of(groups) => [groups, 1, 1],
             Count::Indirect(args, slot) => {
                 let words = args.download_range(3 * slot as usize, 3)?;
@@ -421,41 +432,36 @@ impl Recorder {
             }
         };
         let lanes = self.context.info().subgroup_size;
-        let workgroups = Workgroups { count: groups, size: pipeline.workgroup_size, lanes };
+        let workgroups = Workgroups { count: groups, size: call.workgroup_size, lanes };
         if workgroups.groups() == 0 {
             return Ok(());
         }
-        let before = download::<K>(buffers)?;
-        let call = || TwinCall {
-            workgroups,
-            spec: pipeline.spec.clone(),
-            push: bytemuck::bytes_of(push).to_vec(),
-            bindings: before.clone(),
-        };
+        let before = call.download()?;
+        let twin_call =
+            || TwinCall { workgroups, spec: call.spec.to_vec(), push: call.push.to_vec(), bindings: before.clone() };
         let time = match twins.stand_in {
             Some(twin) => {
-                let mut call = call();
-                run_twin(twin, &mut call).map_err(|what| GpuError::Twin { stage: twin.stage, what })?;
+                let mut stand_in = twin_call();
+                run_twin(twin, &mut stand_in).map_err(|what| GpuError::Twin { stage: twin.stage, what })?;
                 self.context.0.counts.twins.fetch_add(1, Ordering::Relaxed);
-                upload::<K>(buffers, &call.bindings)?;
+                call.upload(&stand_in.bindings)?;
                 None
             }
             None => {
                 // The first run warms up: a CPU device compiles the kernel in it.
-                self.run_timed(pipeline, buffers, push, count)?;
-                upload::<K>(buffers, &before)?;
-                self.run_timed(pipeline, buffers, push, count)?
+                self.run_timed(call)?;
+                call.upload(&before)?;
+                self.run_timed(call)?
             }
         };
         if let Some((twin, Judge { judge, .. })) = twins.judge {
-            let (mut call, kernel) = (call(), download::<K>(buffers)?);
-            let failed = run_twin(twin, &mut call).err();
-            let (stage, bindings, constants) = (K::NAME, K::BINDINGS, K::CONSTANTS);
+            let (mut twin_call, kernel) = (twin_call(), call.download()?);
+            let failed = run_twin(twin, &mut twin_call).err();
             judge(&Shadowed {
-                stage,
-                bindings,
-                constants,
-                twin: &call,
+                stage: call.kernel.name,
+                bindings: call.kernel.bindings,
+                constants: call.kernel.constants,
+                twin: &twin_call,
                 kernel: &kernel,
                 before: &before,
                 failed,
@@ -467,21 +473,11 @@ impl Recorder {
 
     /// Runs the kernel alone, with nothing else submitted. Returns its time on the device, if there are
     /// timestamps.
-    fn run_timed<K: Kernel>(
-        &mut self,
-        pipeline: &Pipeline<K>,
-        buffers: &K::Buffers<'_>,
-        push: &K::Push,
-        count: &Count<'_>,
-    ) -> Result<Option<Duration>, GpuError> {
+    fn run_timed(&mut self, call: &Call<'_>) -> Result<Option<Duration>, GpuError> {
         self.begin_again()?;
         self.kept.clear();
         self.time_alone();
-        let ran = match *count {
-            Count::Of(groups) => self.run_kernel(pipeline, buffers, push, groups),
-            Count::Indirect(args, slot) => self.run_kernel_indirect(pipeline, buffers, push, args, slot),
-        };
-        if !ran {
+        if !self.run_kernel(call) {
             return self.failed.take().map_or(Ok(None), Err);
         }
         self.finish_recorded()?;
@@ -518,28 +514,21 @@ impl Recorder {
     }
 
     /// Returns false if that failed, now or before: nothing may be dispatched.
-    fn bind<K: Kernel>(
-        &mut self,
-        pipeline: &Pipeline<K>,
-        buffers: &K::Buffers<'_>,
-        push: &K::Push,
-        args: Option<&Buffer<u32>>,
-    ) -> bool {
+    fn bind(&mut self, call: &Call<'_>) -> bool {
         if self.failed.is_none() {
-            self.failed = K::raw_buffers(buffers, |raw| self.bind_buffers(pipeline, raw, args)).err();
+            self.failed = self.bind_buffers(call).err();
         }
         if self.failed.is_some() {
             return false;
         }
-        self.label(K::LABEL);
-        let inner = &self.context.0;
-        let bytes = bytemuck::bytes_of(push);
+        self.label(call.kernel.label);
+        let device = &self.context.0.device;
         // SAFETY: all handles are alive and kept; layout, bindings and constants come from the kernel's own reflection.
         unsafe {
-            inner.device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, pipeline.raw.handle);
-            if !bytes.is_empty() {
+            device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, call.pipeline.handle);
+            if !call.push.is_empty() {
                 let stage = vk::ShaderStageFlags::COMPUTE;
-                inner.device.cmd_push_constants(self.commands, pipeline.raw.layout, stage, 0, bytes);
+                device.cmd_push_constants(self.commands, call.pipeline.layout, stage, 0, call.push);
             }
         }
         true
@@ -547,13 +536,13 @@ impl Recorder {
 
     /// Binds descriptors, after a barrier if needed. Nothing is allocated from the heap once `kept` has held
     /// this number of buffers.
-    fn bind_buffers<K: Kernel>(
-        &mut self,
-        pipeline: &Pipeline<K>,
-        raw: &[&Arc<RawBuffer>],
-        args: Option<&Buffer<u32>>,
-    ) -> Result<(), GpuError> {
-        let used = raw.iter().map(|b| &***b).zip(K::BINDINGS.iter().map(|b| b.access));
+    fn bind_buffers(&mut self, call: &Call<'_>) -> Result<(), GpuError> {
+        let raw = call.raw;
+        let args = match call.count {
+            Count::Of(_) => None,
+            Count::Indirect(args, _) => Some(args),
+        };
+        let used = raw.iter().map(|b| &***b).zip(call.kernel.bindings.iter().map(|b| b.access));
         self.access(used.chain(args.map(|a| (&**a.raw(), Access::Read))));
         raw.iter().for_each(|buffer| self.kept.keep(buffer));
         args.into_iter().for_each(|args| self.keep_buffer(args));
@@ -567,7 +556,7 @@ impl Recorder {
                 .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
                 .buffer_info(std::slice::from_ref(info));
         }
-        let (layout, point) = (pipeline.raw.layout, vk::PipelineBindPoint::COMPUTE);
+        let (layout, point) = (call.pipeline.layout, vk::PipelineBindPoint::COMPUTE);
         let writes = &mut writes[..raw.len()];
         if let Some(push) = &self.context.0.push_descriptor {
             // SAFETY: the buffers are kept; the layout has as many bindings as the kernel's own reflection.
@@ -579,7 +568,7 @@ impl Recorder {
             Some(slot) => Some(&mut slot.sets),
             None => self.kept.pools.as_mut().map(|pools| &mut pools.sets),
         };
-        let set = sets.ok_or(GpuError::NotOurs)?.allocate(device, pipeline.raw.set_layout)?;
+        let set = sets.ok_or(GpuError::NotOurs)?.allocate(device, call.pipeline.set_layout)?;
         writes.iter_mut().for_each(|write| write.dst_set = set);
         // SAFETY: as above; the set is new, so nothing uses it.
         unsafe {
@@ -656,19 +645,6 @@ impl Recorder {
             unsafe { stamps.stamp(&self.context.0.device, self.commands, name) };
         }
     }
-}
-
-/// Copies the kernel's buffers to the host.
-fn download<K: Kernel>(buffers: &K::Buffers<'_>) -> Result<Vec<HostBuffer>, GpuError> {
-    K::raw_buffers(buffers, |raw| raw.iter().map(|buffer| Ok(HostBuffer::new(&buffer.bytes().download()?))).collect())
-}
-
-/// Uploads a twin's results to the buffers that its kernel writes.
-fn upload<K: Kernel>(buffers: &K::Buffers<'_>, now: &[HostBuffer]) -> Result<(), GpuError> {
-    K::raw_buffers(buffers, |raw| {
-        let written = raw.iter().zip(K::BINDINGS).zip(now).filter(|((raw, b), _)| b.access.writes() && !raw.unused);
-        written.into_iter().try_for_each(|((buffer, _), now)| buffer.bytes().upload(0, now.bytes()))
-    })
 }
 
 fn run_twin(twin: Twin, call: &mut TwinCall) -> Result<(), String> {
