@@ -108,7 +108,7 @@ impl Deadline {
         if done == 0 {
             return false;
         }
-        if !self.warm {
+        if !self.warm && step < self.total {
             (self.since, self.step, self.warm) = (now, step, true);
             return false;
         }
@@ -293,6 +293,16 @@ mod tests {
         // Two steps that each exceed the whole time: both were submitted at once.
         let Run { seconds, steps, .. } = run(1.0, 0.0, &|_| 3.0, |_| 1.0);
         assert_eq!((seconds, steps), (6.0, 2));
+    }
+
+    /// A run that was estimated at one step is not over with it.
+    #[test]
+    fn a_run_of_one_step_gets_more() {
+        let base = Instant::now();
+        let mut deadline = Deadline::of(base, base + Duration::from_secs(100), 1, 0);
+        let now = base + Duration::from_secs(2);
+        assert!(deadline.is_due(1, now));
+        assert_eq!(deadline.plan(1, now, Duration::ZERO), Plan { total: 49, done: 0 });
     }
 
     /// Evaluations do not count as time of the run.

@@ -218,6 +218,8 @@ enum Next {
     Base,
     Bands(Box<Bands>),
     Weigh(Box<Pilot>),
+    /// Starts the first placement.
+    First,
     /// Pursuit places Gaussians; with a trainer, the joint phase then resumes.
     Place(Option<Box<Trainer>>),
     /// Starts the joint phase.
@@ -321,6 +323,7 @@ impl Enhancer {
                 (Next::Base, Method::Augs) => self.share_out(views, started),
                 (Next::Bands(_), _) => self.find_bands(views, started),
                 (Next::Weigh(_), _) => self.weigh(views, started),
+                (Next::First, _) => self.begin_first(),
                 (Next::Place(_), _) => self.place(views, started),
                 (Next::Begin, _) => {
                     self.next = self.begin_join(views)?;
@@ -371,16 +374,33 @@ impl Enhancer {
     }
 
     /// The trial of longer training if there is one, else the first placement.
-    fn begin_placing(&mut self, views: &Views) -> Result<Next> {
+    fn begin_placing(&self, views: &Views) -> Result<Next> {
         let [lobes, plain] = self.allowance.most();
         if self.options.weigh != Weigh::Not && lobes.max(plain) > 0 {
             return Ok(Next::Weigh(Box::new(self.pilot(views)?)));
         }
+        Ok(Next::First)
+    }
+
+    fn begin_first(&mut self) -> Result<Option<Event>> {
         let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
         if let Some(pursuit) = &mut self.pursuit {
             pursuit.start_within(gaussians, bytes)?;
         }
-        Ok(Next::Place(None))
+        self.next = Next::Place(None);
+        Ok(None)
+    }
+
+    /// Shortens the phase in progress. The search for bands and the trial of longer training end without a result; a placement ends
+    /// its rounds. Other phases go on. Waits.
+    pub fn hurry(&mut self, views: &Views) -> Result<()> {
+        match &self.next {
+            Next::Bands(_) => self.next = self.begin_placing(views)?,
+            Next::Weigh(_) => self.next = Next::First,
+            Next::Place(_) => self.pursuit.iter_mut().for_each(Pursuit::hurry),
+            _ => {}
+        }
+        Ok(())
     }
 
     /// The original base as a scene.
@@ -432,9 +452,7 @@ impl Enhancer {
         // The first placement measures the error before training and fills it in.
         let seconds = self.found.times.weigh.as_secs_f64();
         self.training_on = Some(TrainingOn { before: f64::NAN, after, steps, seconds });
-        let (gaussians, bytes) = self.allowance.left([0, self.options.pursuit.placements], 0, 0);
-        pursuit.start_within(gaussians, bytes)?;
-        self.next = Next::Place(None);
+        self.next = Next::First;
         self.found.times.weigh += started.elapsed();
         Ok(Some(Event::Weighed))
     }
@@ -640,6 +658,11 @@ impl Enhancer {
     /// Sets the length of the joint phase, before it starts.
     pub fn take_steps(&mut self, steps: u32) {
         self.found.steps = steps.max(1);
+    }
+
+    /// Makes the first placement the only one. Call it before that begins, at [`Event::Weighed`] at the latest.
+    pub fn place_once(&mut self) {
+        self.options.pursuit.placements = 1;
     }
 
     /// The plan of the placement, after [`Event::Planned`].

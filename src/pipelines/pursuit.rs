@@ -207,6 +207,7 @@ enum Job {
     /// Render every view and make its pyramid.
     Look,
     Choose,
+    Place,
     Done,
 }
 
@@ -224,6 +225,8 @@ pub struct Pursuit {
     pub(crate) placer: Placer,
     steps: Steps,
     job: Job,
+    /// As few rounds as possible.
+    brief: bool,
 }
 
 /// Pipelines and buffers of a placement, made once.
@@ -392,7 +395,7 @@ impl Pursuit {
             work: Work::new(context, &sizes)?,
             stages: Stages::new(context)?,
         };
-        Ok(Pursuit { placer, steps: Steps::new(context, STEPS_PER_SUBMISSION)?, job: Job::Done })
+        Ok(Pursuit { placer, steps: Steps::new(context, STEPS_PER_SUBMISSION)?, job: Job::Done, brief: false })
     }
 
     /// Sets the price of a Gaussian, in bytes, with a lobe and without. The kind with the higher gain per
@@ -416,8 +419,16 @@ impl Pursuit {
         self.placer.budget = bytes.map_or(NONE, |bytes| u32::try_from(bytes / WORD).unwrap_or(NONE));
         let p = &self.placer;
         p.work.counts.upload(0, &[p.blocks(), 0, p.candidates, 0, p.most, 0, 0])?;
-        self.job = Job::Look;
+        (self.job, self.brief) = (Job::Look, false);
         self.steps.start(p.plot_list.len() as u32, false)
+    }
+
+    /// Ends the rounds of the placement in progress, after one if none is done: what they have chosen is placed.
+    pub fn hurry(&mut self) {
+        self.brief = true;
+        if self.job == Job::Choose {
+            self.steps.go_on_to(self.placer.fits() + 2);
+        }
     }
 
     /// Runs until some steps are done; `None` once the Gaussians are in `model`, whose room must suffice.
@@ -425,21 +436,33 @@ impl Pursuit {
     pub fn advance(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Option<Progress>> {
         let placer = &self.placer;
         let looks = placer.plot_list.len() as u32;
-        let steps = looks + placer.choices();
+        let (choices, fits) = (placer.choices(), placer.fits());
+        let steps = looks + choices + 1;
         loop {
             let advanced = match self.job {
                 Job::Look => self.steps.advance(&mut Look { placer, renderer, model, views })?,
-                Job::Choose => self.steps.advance(&mut Choose { placer, model, views })?,
+                Job::Choose => self.steps.advance(&mut Choose { placer, views })?,
+                Job::Place => self.steps.advance(&mut Place { placer, model })?,
                 Job::Done => return Ok(None),
             };
+            let before = [0, looks, looks + choices][self.job as usize];
             if let Some(done) = advanced {
-                let before = if self.job == Job::Look { 0 } else { looks };
                 return Ok(Some(Progress { step: before + done, steps }));
             }
-            self.job = if self.job == Job::Look { Job::Choose } else { Job::Done };
-            if self.job == Job::Choose {
-                self.steps.start(placer.choices(), false)?;
-            }
+            self.job = match self.job {
+                Job::Look => {
+                    self.steps.start(choices, false)?;
+                    if self.brief {
+                        self.steps.go_on_to(fits + 2);
+                    }
+                    Job::Choose
+                }
+                Job::Choose => {
+                    self.steps.start(1, false)?;
+                    Job::Place
+                }
+                Job::Place | Job::Done => Job::Done,
+            };
         }
     }
 
@@ -503,9 +526,14 @@ impl Placer {
         self.pages.last().map_or(0, |page| page.blocks.end)
     }
 
-    /// Number of choosing steps: one to draw, one per chunk, the rounds, one to place.
+    /// Number of chunks of candidates.
+    fn fits(&self) -> u32 {
+        self.candidates.div_ceil(self.chunk)
+    }
+
+    /// Number of choosing steps: one to draw, one per chunk, the rounds.
     fn choices(&self) -> u32 {
-        2 + self.candidates.div_ceil(self.chunk) + self.options.rounds
+        1 + self.fits() + self.options.rounds
     }
 
     fn pairs(&self) -> [Pairs<'_>; 2] {
@@ -849,27 +877,41 @@ impl Looped for Look<'_> {
 
 struct Choose<'a> {
     placer: &'a Placer,
-    model: &'a Model,
     views: &'a Views,
 }
 
 impl Looped for Choose<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
-        let (placer, views) = (self.placer, self.views);
-        let fits = placer.candidates.div_ceil(placer.chunk);
         match step {
-            0 => placer.record_draw(recorder, views, status),
-            step if step <= fits => placer.record_fit(recorder, views, step - 1),
-            step if step <= fits + placer.options.rounds => placer.record_round(recorder, views),
-            _ => {
-                placer.record_place(recorder, placer.budget);
-                placer.record_append(recorder, self.model, status);
-            }
+            0 => self.placer.record_draw(recorder, self.views, status),
+            step if step <= self.placer.fits() => self.placer.record_fit(recorder, self.views, step - 1),
+            _ => self.placer.record_round(recorder, self.views),
         }
         Ok(())
     }
 
     fn grow(&mut self, resource: Resource, needed: u32) -> Result<()> {
-        Err(Error::Usage(format!("placing needs room for {needed} {resource}, which was not made")))
+        Err(no_room(resource, needed))
     }
+}
+
+struct Place<'a> {
+    placer: &'a Placer,
+    model: &'a Model,
+}
+
+impl Looped for Place<'_> {
+    fn record(&mut self, recorder: &mut Recorder, _: u32, status: &Buffer<u32>) -> Result<()> {
+        self.placer.record_place(recorder, self.placer.budget);
+        self.placer.record_append(recorder, self.model, status);
+        Ok(())
+    }
+
+    fn grow(&mut self, resource: Resource, needed: u32) -> Result<()> {
+        Err(no_room(resource, needed))
+    }
+}
+
+fn no_room(resource: Resource, needed: u32) -> Error {
+    Error::Usage(format!("placing needs room for {needed} {resource}, which was not made"))
 }

@@ -229,6 +229,26 @@ fn bytes_are_spent_in_the_order_of_gain() {
     assert!(cheap.lobes > all.lobes && cheap.plain < all.plain, "{cheap:?}");
 }
 
+/// A placement that is hurried at its beginning or in its first round has one round, and places what that chose.
+#[test]
+fn a_hurried_placement_has_one_round() {
+    let gpu = Gpu::new();
+    let run = |rounds, hurried| {
+        let options = PursuitOptions { rounds, ..Default::default() };
+        let start = |pursuit: &mut Pursuit| {
+            pursuit.start(20)?;
+            if hurried {
+                pursuit.hurry();
+            }
+            Ok(())
+        };
+        pursue_with(&session(&gpu), &wall(), &three(), [20, 20], options, start).placed
+    };
+    let [one, hurried, whole] = [run(1, false), run(8, true), run(8, false)];
+    assert_eq!(hurried, one);
+    assert!((1..whole.count()).contains(&one.count()), "{} of {}", one.count(), whole.count());
+}
+
 /// Only the allowed kinds, with at least the minimum gain.
 #[test]
 fn kinds_and_the_least_gain_are_kept() {

@@ -18,7 +18,7 @@ use crate::{
     },
     pipelines::{
         checkpoint::Checkpoint,
-        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, kept_lifts},
+        enhance::{EnhanceOptions, Enhanced, Enhancer, Event, TRIAL_PASSES, kept_lifts},
         screen::{self, Schedule},
         session::Session,
         views::Views,
@@ -53,6 +53,7 @@ pub(in crate::cli) fn run_with_progress(
 ) -> Result<Enhanced> {
     let bar = Some(("", Progress::new("rendering the base", "passes", 1)));
     let enhancer = Enhancer::new(session, scene, views, options)?;
+    let beside_end = beside.end;
     let mut augmentation = Augmentation {
         session,
         views,
@@ -62,9 +63,13 @@ pub(in crate::cli) fn run_with_progress(
         bar,
         told: 0,
         begun: Instant::now(),
+        share: beside_end.map(|end| end.saturating_duration_since(Instant::now()) / 10),
+        pace: None,
         clock: None,
+        placements: options.pursuit.placements.max(1),
         placing: None,
         placed_in: Duration::ZERO,
+        rendered_in: Duration::ZERO,
     };
     loop {
         let before = Instant::now();
@@ -89,11 +94,28 @@ struct Augmentation<'a> {
     told: usize,
     /// Time at which the base was rendered.
     begun: Instant,
+    /// Of a run by time: a tenth of its time, the most that the search for bands, the trial of longer training, and all placements
+    /// may take each.
+    share: Option<Duration>,
+    /// Of a run by time: pace of the search or the trial.
+    pace: Option<Pace>,
     /// Plan of a run by time.
     clock: Option<Deadline>,
+    /// Number of placements.
+    placements: u32,
     /// Start of the placement in progress, and duration of the last one.
     placing: Option<Instant>,
     placed_in: Duration,
+    /// Duration of rendering the base in all views, which is repeated at the end.
+    rendered_in: Duration,
+}
+
+/// Pace of a phase.
+struct Pace {
+    label: &'static str,
+    /// Time and step of its first event; before, the driver compiles kernels.
+    since: Instant,
+    first: u32,
 }
 
 impl Augmentation<'_> {
@@ -131,21 +153,24 @@ impl Augmentation<'_> {
         match event {
             // The next event brings its own bar.
             Event::Base => {
-                self.begun = Instant::now();
+                (self.begun, self.rendered_in) = (Instant::now(), before.elapsed());
                 if let Some(base) = self.beside.base {
                     note_foreign_base(base, self.enhancer.base_losses());
                 }
             }
-            Event::Bands { step, steps } => self.show("finding bands", step.into(), steps.into(), None),
-            Event::Weigh { step, steps } => self.show("weighing", step.into(), steps.into(), None),
-            Event::Weighed => {
-                if let Some(end) = self.beside.end {
-                    let (passed, left) = (self.begun.elapsed(), end.saturating_duration_since(Instant::now()));
-                    // A pass over the photos took `passed`. Until one placement is done, all of them are
-                    // estimated at two passes.
-                    let passes = left.as_secs_f64() / passed.as_secs_f64().max(1e-9) - 2.0;
-                    self.enhancer.take_steps((passes * self.views.cameras.len() as f64).min(MOST.into()) as u32);
+            Event::Bands { step, steps } => {
+                self.show("finding bands", step.into(), steps.into(), None);
+                self.takes_too_long("finding bands", step, steps)?;
+            }
+            Event::Weigh { step, steps } => {
+                self.show("weighing", step.into(), steps.into(), None);
+                if let Some(all) = self.takes_too_long("weighing", step, steps)? {
+                    self.plan_joining(all / steps);
                 }
+            }
+            Event::Weighed => {
+                let steps = TRIAL_PASSES * self.views.cameras.len() as u32;
+                self.plan_joining(self.begun.elapsed() / steps);
             }
             Event::Planned => {
                 self.bar = None;
@@ -155,8 +180,11 @@ impl Augmentation<'_> {
             }
             Event::Place(at) => {
                 look(&self.enhancer, "placing", at.step.into(), at.steps.into());
-                self.placing.get_or_insert(before);
+                let began = *self.placing.get_or_insert(before);
                 self.show("placing", at.step.into(), at.steps.into(), None);
+                if self.share.is_some_and(|share| began.elapsed() > share / self.placements) {
+                    self.enhancer.hurry(self.views)?;
+                }
             }
             Event::Batch { views: range, .. } => {
                 let earlier = self.beside.kept.as_ref().and_then(|(_, earlier)| earlier.as_ref());
@@ -184,9 +212,44 @@ impl Augmentation<'_> {
         Ok(())
     }
 
+    /// Ends a phase that would take more than its share of a run by time; returns the time that it would have taken.
+    fn takes_too_long(&mut self, label: &'static str, step: u32, steps: u32) -> Result<Option<Duration>> {
+        let Some(share) = self.share else { return Ok(None) };
+        let now = Instant::now();
+        let pace = match self.pace.take() {
+            Some(pace) if pace.label == label => self.pace.insert(pace),
+            _ => self.pace.insert(Pace { label, since: now, first: step }),
+        };
+        let done = step.saturating_sub(pace.first);
+        if done == 0 {
+            return Ok(None);
+        }
+        let all = (now - pace.since).mul_f64(f64::from(steps) / f64::from(done));
+        if all <= share {
+            return Ok(None);
+        }
+        note(format!("{label} would take {:.0} s, more than a tenth of the time, and is left out", all.as_secs_f64()));
+        self.enhancer.hurry(self.views)?;
+        Ok(Some(all))
+    }
+
+    /// Estimates the number of joint steps of a run by time, at `each` for a step.
+    fn plan_joining(&mut self, each: Duration) {
+        let (Some(end), Some(share)) = (self.beside.end, self.share) else { return };
+        // Each placement renders all photos, and so does the comparison at the end.
+        if self.rendered_in * self.placements > share {
+            self.placements = 1;
+            self.enhancer.place_once();
+        }
+        let others = self.rendered_in * (self.placements + 1);
+        let left = end.saturating_duration_since(Instant::now()).saturating_sub(others);
+        let steps = left.as_secs_f64() / each.as_secs_f64().max(1e-9);
+        self.enhancer.take_steps(steps.min(MOST.into()) as u32);
+    }
+
     /// Continues the joint phase after `step` of `steps` steps.
     fn join(&mut self, step: u32, steps: u32) -> Result<()> {
-        let placements = self.options.pursuit.placements.max(1);
+        let placements = self.placements;
         for (k, placed) in self.enhancer.placed().iter().enumerate().skip(self.told) {
             let (placement, lobes, plain) = (k + 1, placed.lobes, placed.plain);
             tracing::info!("placement {placement} of {placements}: {lobes} Gaussians with lobes, {plain} plain");
@@ -235,8 +298,8 @@ impl Augmentation<'_> {
         }
         if deadline.is_due(step, now) {
             // The next placements are estimated to take as long as the last one.
-            let more = self.options.pursuit.placements.saturating_sub(self.told as u32);
-            let reserved = self.placed_in * more;
+            let more = self.placements.saturating_sub(self.told as u32);
+            let reserved = self.placed_in * more + self.rendered_in;
             self.enhancer.replan(self.views, |step| {
                 let plan = deadline.plan(step, Instant::now(), reserved);
                 [plan.total, plan.done]
