@@ -2,7 +2,7 @@
 
 use std::{fs, time::Instant};
 
-use glint::report::history::read_history;
+use glint::{data::write_scene, reference::sample::random_scene, report::history::read_history};
 
 use super::{Work, files, shared::shared};
 
@@ -165,6 +165,20 @@ fn a_run_of_slow_steps_ends_in_its_time_too() {
     let report = work.json("train data -o out.ply --time 5s --points 100000 --gaussians 100000 --json");
     let seconds = started.elapsed().as_secs_f64();
     assert!(seconds < 8.0 && (1..60).contains(&report["iterations"].as_u64().unwrap()), "{seconds} s: {report}");
+}
+
+/// The trial of longer training alone would take several times as long.
+#[test]
+fn an_augmentation_of_slow_steps_ends_in_its_time_too() {
+    let work = Work::new();
+    let mut scene = random_scene(4, 60_000, 0, 0);
+    scene.base.means.iter_mut().for_each(|mean| *mean = mean.map(f32::sin));
+    write_scene(work.path("base.ply"), &scene).unwrap();
+    let started = Instant::now();
+    let output = work.run("enhance data --base base.ply -o more.ply --time 6s");
+    let (seconds, said) = (started.elapsed().as_secs_f64(), String::from_utf8(output.stderr).unwrap());
+    assert!(output.status.success() && said.contains("weighing would take"), "{said}");
+    assert!((4.0..11.0).contains(&seconds), "{seconds} s: {said}");
 }
 
 /// Steps are numbered as taken, independent of changes of the plan, and evaluations do not count against the

@@ -69,6 +69,7 @@ pub(in crate::cli) fn run_with_progress(
         placements: options.pursuit.placements.max(1),
         placing: None,
         placed_in: Duration::ZERO,
+        hurried: false,
         rendered_in: Duration::ZERO,
     };
     loop {
@@ -106,6 +107,8 @@ struct Augmentation<'a> {
     /// Start of the placement in progress, and duration of the last one.
     placing: Option<Instant>,
     placed_in: Duration,
+    /// Whether the placement in progress was cut short.
+    hurried: bool,
     /// Duration of rendering the base in all views, which is repeated at the end.
     rendered_in: Duration,
 }
@@ -182,7 +185,10 @@ impl Augmentation<'_> {
                 look(&self.enhancer, "placing", at.step.into(), at.steps.into());
                 let began = *self.placing.get_or_insert(before);
                 self.show("placing", at.step.into(), at.steps.into(), None);
-                if self.share.is_some_and(|share| began.elapsed() > share / self.placements) {
+                let share = self.share.map(|share| share / self.placements);
+                if at.step < at.steps && !self.hurried && share.is_some_and(|share| began.elapsed() > share) {
+                    note("placing took its tenth of the time, so it chooses from fewer rounds");
+                    self.hurried = true;
                     self.enhancer.hurry(self.views)?;
                 }
             }
@@ -256,7 +262,7 @@ impl Augmentation<'_> {
         }
         self.told = self.enhancer.placed().len();
         if let Some(began) = self.placing.take() {
-            self.placed_in = began.elapsed();
+            (self.placed_in, self.hurried) = (began.elapsed(), false);
             if let Some(deadline) = &mut self.clock {
                 deadline.leave_out(self.placed_in);
             }
