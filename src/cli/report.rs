@@ -91,14 +91,14 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Measurements of runs as JSON lines, for curves. May be given several times
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", requires = "scenes")]
     history: Vec<PathBuf>,
     /// Output of `glint train --json` or `glint enhance --json`, for times, memory and plan. May be given
     /// several times
-    #[arg(long, value_name = "FILE", alias = "plan")]
+    #[arg(long, value_name = "FILE", alias = "plan", requires = "scenes")]
     run: Vec<PathBuf>,
     /// Photos to compare with
-    #[arg(long, value_enum, default_value_t = SplitArg::Test)]
+    #[arg(long, value_enum, default_value_t = SplitArg::Test, requires = "scenes")]
     split: SplitArg,
     #[command(flatten)]
     replace: OutputArgs,

@@ -109,7 +109,7 @@ struct Augmentation<'a> {
     placed_in: Duration,
     /// Whether the placement in progress was cut short.
     hurried: bool,
-    /// Duration of rendering the base in all views, which is repeated at the end.
+    /// Duration of rendering the base in all views, which is repeated at the end; an estimate, as the driver compiled kernels meanwhile.
     rendered_in: Duration,
 }
 
@@ -157,6 +157,7 @@ impl Augmentation<'_> {
             // The next event brings its own bar.
             Event::Base => {
                 (self.begun, self.rendered_in) = (Instant::now(), before.elapsed());
+                self.bar.iter().for_each(|(_, bar)| bar.advance());
                 if let Some(base) = self.beside.base {
                     note_foreign_base(base, self.enhancer.base_losses());
                 }
@@ -173,7 +174,13 @@ impl Augmentation<'_> {
             }
             Event::Weighed => {
                 let steps = TRIAL_PASSES * self.views.cameras.len() as u32;
-                self.plan_joining(self.begun.elapsed() / steps);
+                // The driver compiled kernels before the first event.
+                let pace = self.pace.take().filter(|pace| pace.first < steps);
+                let (time, steps) = match pace {
+                    Some(Pace { since, first, .. }) => (since.elapsed(), steps - first),
+                    None => (self.begun.elapsed(), steps),
+                };
+                self.plan_joining(time / steps);
             }
             Event::Planned => {
                 self.bar = None;
@@ -242,7 +249,9 @@ impl Augmentation<'_> {
     /// Estimates the number of joint steps of a run by time, at `each` for a step.
     fn plan_joining(&mut self, each: Duration) {
         let (Some(end), Some(share)) = (self.beside.end, self.share) else { return };
-        // Each placement renders all photos, and so does the comparison at the end.
+        // Each placement renders all views, and so does the comparison at the end. A training step takes at least twice as long as a
+        // render.
+        self.rendered_in = self.rendered_in.min(each * self.views.cameras.len() as u32 / 2);
         if self.rendered_in * self.placements > share {
             self.placements = 1;
             self.enhancer.place_once();
