@@ -119,7 +119,8 @@ struct Call<'a> {
     spec: &'a [(u32, u32)],
     /// A buffer for each of the kernel's bindings.
     raw: &'a [&'a Arc<RawBuffer>],
-    push: &'a [u8],
+    /// Push constants.
+    constants: &'a [u8],
     count: Count<'a>,
 }
 
@@ -267,7 +268,7 @@ impl Recorder {
                 workgroup_size: pipeline.workgroup_size,
                 spec: &pipeline.spec,
                 raw,
-                push: bytemuck::bytes_of(push),
+                constants: bytemuck::bytes_of(push),
                 count,
             };
             match self.twins(call.kernel.name) {
@@ -438,7 +439,7 @@ impl Recorder {
         }
         let before = call.download()?;
         let twin_call =
-            || TwinCall { workgroups, spec: call.spec.to_vec(), push: call.push.to_vec(), bindings: before.clone() };
+            || TwinCall { workgroups, spec: call.spec.to_vec(), push: call.constants.to_vec(), bindings: before.clone() };
         let time = match twins.stand_in {
             Some(twin) => {
                 let mut stand_in = twin_call();
@@ -526,9 +527,9 @@ impl Recorder {
         // SAFETY: all handles are alive and kept; layout, bindings and constants come from the kernel's own reflection.
         unsafe {
             device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, call.pipeline.handle);
-            if !call.push.is_empty() {
+            if !call.constants.is_empty() {
                 let stage = vk::ShaderStageFlags::COMPUTE;
-                device.cmd_push_constants(self.commands, call.pipeline.layout, stage, 0, call.push);
+                device.cmd_push_constants(self.commands, call.pipeline.layout, stage, 0, call.constants);
             }
         }
         true
