@@ -438,8 +438,12 @@ impl Recorder {
             return Ok(());
         }
         let before = call.download()?;
-        let twin_call =
-            || TwinCall { workgroups, spec: call.spec.to_vec(), push: call.constants.to_vec(), bindings: before.clone() };
+        let twin_call = || TwinCall {
+            workgroups,
+            spec: call.spec.to_vec(),
+            push: call.constants.to_vec(),
+            bindings: before.clone(),
+        };
         let time = match twins.stand_in {
             Some(twin) => {
                 let mut stand_in = twin_call();
