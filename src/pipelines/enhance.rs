@@ -392,7 +392,7 @@ impl Enhancer {
     }
 
     /// Shortens the phase in progress. The search for bands and the trial of longer training end without a result; a placement ends
-    /// its rounds. Other phases go on. Waits.
+    /// its rounds. Other phases do not change. Waits.
     pub fn hurry(&mut self, views: &Views) -> Result<()> {
         match &self.next {
             Next::Bands(_) => self.next = self.begin_placing(views)?,

@@ -225,7 +225,7 @@ pub struct Pursuit {
     pub(crate) placer: Placer,
     steps: Steps,
     job: Job,
-    /// As few rounds as possible.
+    /// Whether rounds end as soon as possible.
     brief: bool,
 }
 

@@ -114,7 +114,8 @@ fn a_disk_is_asked_for_no_more_gaussians_than_memory_has_room_for() {
     fs::write(work.path("data/sparse/0/images.txt"), poses).unwrap();
     fs::write(work.path("data/sparse/0/cameras.txt"), format!("1 PINHOLE {SIDE} {SIDE} 20000 20000 8000 8000\n"))
         .unwrap();
-    work.refused(&format!("train data -o out.ply --max-size {SIDE}"), &["the photo", "--max-size", "fits"]);
+    let train = format!("train data -o out.ply --max-size {SIDE} --photos-on device");
+    work.refused(&train, &["the photo", "--max-size", "fits"]);
 }
 
 #[test]

@@ -95,10 +95,10 @@ struct Augmentation<'a> {
     told: usize,
     /// Time at which the base was rendered.
     begun: Instant,
-    /// Of a run by time: a tenth of its time, the most that the search for bands, the trial of longer training, and all placements
-    /// may take each.
+    /// A tenth of the time of a run by time: the most that the search for bands, the trial of longer training, and all placements may
+    /// take each.
     share: Option<Duration>,
-    /// Of a run by time: pace of the search or the trial.
+    /// Pace of the search or the trial, in a run by time.
     pace: Option<Pace>,
     /// Plan of a run by time.
     clock: Option<Deadline>,
