@@ -114,6 +114,11 @@ mod tests {
                 assert!(long.contains(name), "--{name} is not in: {long}");
             }
         }
+        // No name of a heading is out of date.
+        let has = |name: &str| all.get_subcommands().any(|c| c.get_arguments().any(|arg| arg.get_long() == Some(name)));
+        for name in SECTIONS.iter().flat_map(|(_, first, others)| first.iter().chain(*others)) {
+            assert!(has(name), "no command has --{name}");
+        }
         let train = all.find_subcommand_mut("train").unwrap().render_long_help().to_string();
         let headings: Vec<&str> = train.lines().filter(|line| line.ends_with(':') && !line.starts_with(' ')).collect();
         let expected =

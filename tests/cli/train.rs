@@ -178,6 +178,7 @@ fn an_augmentation_of_slow_steps_ends_in_its_time_too() {
     let output = work.run("enhance data --base base.ply -o more.ply --time 6s");
     let (seconds, said) = (started.elapsed().as_secs_f64(), String::from_utf8(output.stderr).unwrap());
     assert!(output.status.success() && said.contains("weighing would take"), "{said}");
+    // The placement, which renders every photo, and a step may begin just before the end; other work may share the machine.
     assert!((4.0..11.0).contains(&seconds), "{seconds} s: {said}");
 }
 

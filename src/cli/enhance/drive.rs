@@ -53,7 +53,7 @@ pub(in crate::cli) fn run_with_progress(
 ) -> Result<Enhanced> {
     let bar = Some(("", Progress::new("rendering the base", "passes", 1)));
     let enhancer = Enhancer::new(session, scene, views, options)?;
-    let beside_end = beside.end;
+    let share = beside.end.map(|end| end.saturating_duration_since(Instant::now()) / 10);
     let mut augmentation = Augmentation {
         session,
         views,
@@ -63,7 +63,7 @@ pub(in crate::cli) fn run_with_progress(
         bar,
         told: 0,
         begun: Instant::now(),
-        share: beside_end.map(|end| end.saturating_duration_since(Instant::now()) / 10),
+        share,
         pace: None,
         clock: None,
         placements: options.pursuit.placements.max(1),
@@ -193,8 +193,9 @@ impl Augmentation<'_> {
                 let began = *self.placing.get_or_insert(before);
                 self.show("placing", at.step.into(), at.steps.into(), None);
                 let share = self.share.map(|share| share / self.placements);
-                if at.step < at.steps && !self.hurried && share.is_some_and(|share| began.elapsed() > share) {
-                    note("placing took its tenth of the time, so it chooses from fewer rounds");
+                // The last step places what the rounds before have chosen.
+                if at.step + 1 < at.steps && !self.hurried && share.is_some_and(|share| began.elapsed() > share) {
+                    note("placing has taken its share of the time, so its rounds end early");
                     self.hurried = true;
                     self.enhancer.hurry(self.views)?;
                 }
@@ -249,8 +250,8 @@ impl Augmentation<'_> {
     /// Estimates the number of joint steps of a run by time, at `each` for a step.
     fn plan_joining(&mut self, each: Duration) {
         let (Some(end), Some(share)) = (self.beside.end, self.share) else { return };
-        // Each placement renders all views, and so does the comparison at the end. A training step takes at least twice as long as a
-        // render.
+        // Each placement renders all views, and so does the comparison at the end. A render takes a third of a training step on llvmpipe
+        // (bench/results/llvmpipe-step-garden224.json); half leaves a margin.
         self.rendered_in = self.rendered_in.min(each * self.views.cameras.len() as u32 / 2);
         if self.rendered_in * self.placements > share {
             self.placements = 1;
