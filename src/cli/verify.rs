@@ -46,12 +46,12 @@ pub(super) struct Args {
     /// Check small cases only: less than a minute on two CPU cores, instead of some minutes
     #[arg(long)]
     quick: bool,
-    /// Print JSON: {"device","rates","rows":[{"stage","variant","errors","breaches","time"}],"seconds"};
+    /// Print JSON: {"device","rates","rows":[{"stage","variant","errors","breaches","blind","time"}],"seconds"};
     /// times in seconds
     #[arg(long)]
     json: bool,
-    /// Self-test of the bounds: add this relative error, 0 to 1, to every reference result. Rows must then
-    /// fail; with 0.002 all do
+    /// Self-test of the bounds: also compare with reference results that are off by this relative error, 0 to
+    /// 1. A row whose bounds do not notice fails as blind; with 0.002 none is
     #[arg(long, value_name = "ERROR", default_value_t = 0.0, hide_default_value = true, value_parser = parse_error)]
     perturb: f64,
     /// Print the bounds and their reasons, and exit

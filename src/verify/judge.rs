@@ -47,6 +47,8 @@ pub struct Row {
     pub errors: Errors,
     /// Violated bounds; empty if the row passes.
     pub breaches: Vec<Breach>,
+    /// Whether a twin that is off by [`Options::perturb`](super::Options::perturb) violates no bound either.
+    pub blind: bool,
     /// Seconds per call on the device; `None` without timestamps.
     pub time: Option<f64>,
     #[serde(skip)]
@@ -55,7 +57,15 @@ pub struct Row {
 
 impl Row {
     pub(super) fn new(stage: &'static str, variant: impl Into<String>, perturb: f64) -> Self {
-        Row { stage, variant: variant.into(), errors: Errors::default(), breaches: Vec::new(), time: None, perturb }
+        Row {
+            stage,
+            variant: variant.into(),
+            errors: Errors::default(),
+            breaches: Vec::new(),
+            blind: false,
+            time: None,
+            perturb,
+        }
     }
 
     /// Compares numbers of one group with the twin's.
@@ -121,6 +131,11 @@ impl Row {
         {
             e.bias = Some(bias);
         }
+    }
+
+    /// Whether the row passes.
+    pub fn is_ok(&self) -> bool {
+        self.breaches.is_empty() && !self.blind
     }
 
     /// Compares the errors with the bounds, and fills [`Row::breaches`].

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::Bench;
+use super::{Bench, Row};
 use crate::{
     error::Result,
     gpu::{Buffer, Location},
@@ -63,13 +63,15 @@ pub(super) fn measure(bench: &mut Bench<'_>) -> Result<()> {
         }
         let operations = f64::from(count) * f64::from(CHAINS * DEPTH * ROUNDS);
         bench.rates.operations = operations / times.whole();
-        let mut row = bench.row("fma_rate", format!("{CHAINS} chains"));
         // Results repeat after 1024 threads.
         let got = chain_sums.download_range(0, 1024)?;
         let want = reference::fma_rate::fma_rate(1024, CHAINS, DEPTH * ROUNDS, f64::from(FACTOR), f64::from(TERM));
-        row.numbers(got.into_iter().zip(want));
-        row.time = times.of("fma_rate");
-        bench.push(row);
+        bench.push(|perturb| {
+            let mut row = Row::new("fma_rate", format!("{CHAINS} chains"), perturb);
+            row.numbers(got.iter().copied().zip(want.iter().copied()));
+            row.time = times.of("fma_rate");
+            row
+        });
         return Ok(());
     }
 }

@@ -47,7 +47,8 @@ enum Word {
 /// Collects a row for each stage and variant that runs in its context.
 pub(super) struct Shadow {
     perturb: f64,
-    found: Arc<Mutex<Vec<Found>>>,
+    /// With the twins as they are, and perturbed.
+    found: Arc<Mutex<[Vec<Found>; 2]>>,
 }
 
 /// The result of all dispatches of a variant.
@@ -72,26 +73,41 @@ impl Shadow {
     /// Those of [`Context::judged`].
     pub fn context(&self, context: &Context) -> Result<Context, GpuError> {
         let (found, perturb) = (self.found.clone(), self.perturb);
-        let judge = Arc::new(move |shadowed: &Shadowed<'_>| judge(&mut lock(&found), perturb, shadowed));
+        let judge = Arc::new(move |shadowed: &Shadowed<'_>| {
+            let [found, perturbed] = &mut *lock(&found);
+            judge(found, 0.0, shadowed);
+            if perturb > 0.0 {
+                judge(perturbed, perturb, shadowed);
+            }
+        });
         context.judged(Judge { twins: reference::twins(), judge })
     }
 
     /// Takes the rows collected so far, judged, in the order in which their stages first ran.
     pub fn rows(&self) -> Vec<Row> {
-        let rows = std::mem::take(&mut *lock(&self.found)).into_iter().map(|found| {
-            let Found { mut row, decided, flipped, times } = found;
-            if decided > 0 {
-                row.flips(flipped, decided);
-            }
-            row.time = (!times.is_empty()).then(|| median(times));
-            row.judge();
-            row
-        });
-        rows.collect()
+        let [found, perturbed] = std::mem::take(&mut *lock(&self.found));
+        let mut rows: Vec<Row> = found.into_iter().map(Found::judged).collect();
+        // Both lists have the same stages and variants.
+        for (row, perturbed) in rows.iter_mut().zip(perturbed) {
+            row.blind = perturbed.judged().breaches.is_empty();
+        }
+        rows
     }
 }
 
-fn lock(found: &Mutex<Vec<Found>>) -> MutexGuard<'_, Vec<Found>> {
+impl Found {
+    fn judged(self) -> Row {
+        let Found { mut row, decided, flipped, times } = self;
+        if decided > 0 {
+            row.flips(flipped, decided);
+        }
+        row.time = (!times.is_empty()).then(|| median(times));
+        row.judge();
+        row
+    }
+}
+
+fn lock(found: &Mutex<[Vec<Found>; 2]>) -> MutexGuard<'_, [Vec<Found>; 2]> {
     found.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
@@ -397,7 +413,7 @@ impl Written<'_> {
             }
             found.row.worsen(&alone.errors);
             alone.judge();
-            if let Some(breach) = alone.breaches.first() {
+            if let Some(breach) = alone.breaches.first().filter(|_| perturb == 0.0) {
                 let buffer = self.binding.name.to_string_lossy();
                 tracing::info!(
                     "{stage}: {buffer}, plane {plane}, word {word}: {} {:.1e}",
