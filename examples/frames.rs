@@ -1,14 +1,14 @@
-//! Draws a frame of a scene with `Frames`: on this program's device, in its command buffer, into its memory; then a PNG.
+//! Draws a frame of a scene with `Frames`: on this program's device, in its command buffer, into its memory; then a PPM
+//! file.
 //!
-//!     cargo run --release --example frames -- SCENE.ply OUT.png
+//!     cargo run --release --no-default-features --example frames -- SCENE.ply OUT.ppm
 //!
 //! A renderer has a device, a command buffer and an image already. `tests/outside/mesh` draws into an image, behind a mesh.
 
-use std::{env, error::Error, path::Path};
+use std::{env, error::Error, fs, path::Path};
 
-use glam::{DMat3, DVec3};
 use glint::{
-    data::{read_scene, write_png_bytes},
+    data::read_scene,
     gpu::{
         BorrowedDevice, Buffer, BufferRange, Context, ContextOptions, FeatureChain, Kept, Location, Pixels, Recorder,
         ash::{self, vk},
@@ -17,14 +17,17 @@ use glint::{
         frames::{Frame, FrameView, Frames, Instance, Limits, SYNC_WRITTEN, Target, Texel},
         model::{Room, Upload},
     },
-    scene::Camera,
+    scene::{
+        Camera,
+        glam::{DMat3, DVec3},
+    },
 };
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
 fn main() -> Outcome<()> {
     let arguments: Vec<String> = env::args().skip(1).collect();
-    let [scene, output] = &arguments[..] else { return Err("expected SCENE.ply OUT.png".into()) };
+    let [scene, output] = &arguments[..] else { return Err("expected SCENE.ply OUT.ppm".into()) };
     // A camera two units before the origin, looking along z. With matrices, there is `FrameView::from_matrices`.
     let (width, height, focal, translation) = (640, 480, 500.0, DVec3::new(0.0, 0.0, 2.0));
     let [cx, cy] = [width, height].map(|side| f64::from(side) / 2.0);
@@ -74,8 +77,9 @@ pub unsafe fn draw(scene: &Path, camera: &Camera, output: &Path) -> Outcome<()> 
         device.destroy_command_pool(pool, None);
         device.destroy_device(None);
         instance.destroy_instance(None);
-        let rgb: Vec<u8> = drawn?.iter().flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-        Ok(write_png_bytes(output, camera.width, camera.height, &rgb)?)
+        let mut ppm = format!("P6 {} {} 255\n", camera.width, camera.height).into_bytes();
+        ppm.extend(drawn?.iter().flat_map(|[r, g, b, _]| [r, g, b]));
+        Ok(fs::write(output, ppm)?)
     }
 }
 

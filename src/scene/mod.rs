@@ -15,3 +15,5 @@ pub use camera::Camera;
 #[cfg(feature = "train")]
 pub use from_points::{SH_DC, from_points};
 pub use gaussians::{Gaussians, Lobes, Scene, Supplement};
+/// The version of `glam` whose vectors and matrices are in glint's types.
+pub use glam;
