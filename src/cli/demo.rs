@@ -372,13 +372,20 @@ mod tests {
         let output = folder.path().join("demo");
         let line = Line::try_parse_from(["demo", "--json", "-o", output.to_str().unwrap()]).unwrap();
         let length = Length { points: 600, iterations: 60, joint: Some(1) };
-        let Ok((report, _)) = line.args.run_for(&length) else { panic!("the demo fails") };
+        std::fs::create_dir(&output).unwrap();
+        let mut dataset = builtin_scene(2 * length.points).dataset();
+        let photos = std::mem::take(&mut dataset.photos).into_iter().enumerate();
+        dataset.photos =
+            photos.filter(|(i, photo)| photo.split == Split::Test || i % 4 == 0).map(|(_, photo)| photo).collect();
+        let views = dataset.split(Split::Train).count() as u32;
+        let made = line.args.device.with(|context| Ok(line.args.run_on(context, &dataset, &length)?));
+        let Ok((report, _)) = made else { panic!("the demo fails") };
         let [base, on, plain, other, augmented] = &report.rows;
         let added = augmented.gaussians + augmented.supplementary - base.gaussians;
         assert!(added > 0 && augmented.supplementary > 0, "{added}");
         assert_eq!((base.gaussians, base.supplementary, base.steps), (600, 0, 60));
         // One joint step for each view.
-        let steps = 60 + builtin_scene(10).dataset().split(Split::Train).count() as u32;
+        let steps = 60 + views;
         assert_eq!((plain.gaussians, plain.supplementary, plain.steps), (600 + added, 0, steps));
         assert_eq!((augmented.steps, other.steps), (steps, steps));
         assert_eq!((on.gaussians, on.supplementary, on.steps), (600, 0, steps));

@@ -76,7 +76,7 @@ fn a_georeferenced_scene_is_as_good_as_at_home() {
     }
     // Training and augmentation of the file keep its origin.
     work.ok("train there --init there.ply -o more.ply --iterations 20 --gaussians 800");
-    work.ok("enhance there --base there.ply -o augmented.ply --method augs --preset quick --ratio 0.1");
+    work.ok("enhance there --base there.ply -o augmented.ply --ratio 0.1");
     for file in ["more.ply", "augmented.ply"] {
         let psnr = work.json(&format!("eval {file} there --split all --json"))["augmented"]["psnr"].as_f64().unwrap();
         assert!(psnr > found[1] - 0.3, "{file}: {psnr} of {found:?}");

@@ -60,25 +60,26 @@ fn every_option_of_training_changes_the_scene() {
 fn every_option_of_augmenting_changes_the_scene() {
     let work = Work::small();
     work.trained("train data --iterations 60 --sh-degree 1", "base.ply");
-    let options = [
+    let of_augs = [
         "--seed 1",
-        "--ratio 0.3",
-        "--background white",
-        "--depth-threshold 0.8",
         "--pca-weights plain",
         "--cluster-failure smallest",
         "--bias-correction",
         "--centre-depth",
         "--shared-steps",
+    ];
+    work.changes("enhance data --base base.ply --method augs --preset quick", &of_augs);
+    let of_pursuit = [
+        "--seed 1",
+        "--ratio 0.3",
+        "--background white",
+        "--depth-threshold 0.8",
+        "--precision half",
         "--compensate",
         "--max-size 16",
         "--holdout none",
     ];
-    work.changes("enhance data --base base.ply --method augs --preset quick", &options);
-    work.changes(
-        "enhance data --base base.ply",
-        &["--seed 1", "--ratio 0.3", "--background white", "--depth-threshold 0.8", "--precision half"],
-    );
+    work.changes("enhance data --base base.ply", &of_pursuit);
     for option in ["--preset paper", "--shared-steps", "--pca-weights plain", "--bias-correction"] {
         let said = ["--method augs", option.split(' ').next().unwrap()];
         work.refused(&format!("enhance data --base base.ply -o x.ply {option}"), &said);

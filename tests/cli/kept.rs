@@ -101,10 +101,10 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
     let taken = started.elapsed();
     let whole = fs::read(work.path("whole.ply")).unwrap();
     assert_eq!(files(work.0.path()), ["data", "whole.ply"]);
-    // Five kills: at the first checkpoint, at one of a resumed run, and after various times.
+    // Four kills: at the first checkpoint, at one of a resumed run, and after various times.
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
     work.killed(&format!("{TRAIN} -o out.ply"), CHECKPOINT);
-    for share in [0.05, 0.1, 0.2] {
+    for share in [0.1, 0.2] {
         work.killed_after(&format!("{TRAIN} -o out.ply"), taken.mul_f64(share));
     }
     assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
@@ -186,8 +186,8 @@ fn a_second_run_to_one_place_is_refused() {
             assert!(child.try_wait().unwrap().is_none());
             thread::sleep(Duration::from_millis(2));
         }
-        for second in [arguments.clone(), format!("{arguments} --force"), format!("{arguments} --restart")] {
-            let said = String::from_utf8(work.run(&second).stderr).unwrap();
+        for option in ["--force", "--restart"] {
+            let said = String::from_utf8(work.run(&format!("{arguments} {option}")).stderr).unwrap();
             assert!(
                 said.contains("error: ") && said.contains("out.ply") && said.contains("another glint process"),
                 "{said}"
@@ -243,28 +243,18 @@ fn an_evaluation_that_a_kill_took_is_made_up_for() {
 }
 
 #[test]
-fn exposures_that_were_killed_go_on_to_the_same_bits() {
+fn exposures_and_betas_that_were_killed_go_on_to_the_same_bits() {
     let work = Work::new();
-    let whole = work.json(&format!("{TRAIN} --exposure --halvings 2 -o whole.ply --json"));
-    work.killed(&format!("{TRAIN} --exposure --halvings 2 -o out.ply"), CHECKPOINT);
-    let report = work.json(&format!("{TRAIN} --exposure --halvings 2 -o out.ply --json"));
+    let train = "train data --color sb --strategy mcmc --exposure --halvings 2 --iterations 400 --deterministic";
+    let whole = work.json(&format!("{train} -o whole.ply --json"));
+    work.killed(&format!("{train} -o out.ply"), CHECKPOINT);
+    let report = work.json(&format!("{train} -o out.ply --json"));
     assert!((1..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
     // Smaller versions of the photos do not count.
     assert_eq!(report["photos"], 7);
     assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
     let told = |report: &Value| [report["final_loss"].clone(), report["largest_exposure"].clone()];
     assert_eq!(told(&report), told(&whole));
-}
-
-#[test]
-fn betas_that_were_killed_go_on_to_the_same_bits() {
-    let work = Work::new();
-    let train = "train data --color sb --strategy mcmc --iterations 400 --deterministic";
-    work.ok(&format!("{train} -o whole.ply"));
-    work.killed(&format!("{train} -o out.ply"), CHECKPOINT);
-    let report = work.json(&format!("{train} -o out.ply --json"));
-    assert!(report["iterations_resumed"].as_u64().unwrap() > 0, "{report}");
-    assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
 }
 
 #[test]
@@ -514,7 +504,6 @@ fn memory_that_runs_out_anywhere_is_an_error() {
         "train data --iterations 20 --sh-degree 1 --deterministic -o made.ply",
         "enhance data --base base.ply -o made.ply",
         "enhance data --base base.ply --method augs --preset quick -o made.ply",
-        "render base.ply data -o made",
         "report data base=base.ply -o made",
     ] {
         work.ok(arguments);
@@ -542,7 +531,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
         // Bisects for the smallest sufficient budget, so that later and later allocations fail.
         let (mut few, mut enough) = (0, 1 << 24);
         assert!(fits(enough), "glint {arguments}");
-        while few == 0 || enough - few > enough / 8 {
+        while few == 0 || enough - few > enough / 4 {
             let budget = if few == 0 { enough / 2 } else { u64::midpoint(few, enough) };
             *if fits(budget) { &mut enough } else { &mut few } = budget;
         }

@@ -647,14 +647,14 @@ fn more_intersections_than_can_be_counted_are_an_error() {
     assert!(matches!(error, glint::Error::Gpu(glint::gpu::GpuError::BufferTooLarge { .. })), "{error}");
 }
 
-/// 1.5 million Gaussians with all bands: 290 MB of harmonics and twice that for their moments, in pages if
+/// 720,000 Gaussians with all bands: 138 MB of harmonics and twice that for their moments, in pages if
 /// the limit for one buffer is 128 MiB. Ten steps run render, gradient and Adam on all of them; visible ones
 /// learn, also in the last page.
 #[test]
-fn one_and_a_half_million_gaussians_of_degree_3_train() {
+fn more_gaussians_of_degree_3_than_one_buffer_holds_train() {
     let gpu = Gpu::new();
     let camera = camera_at(DVec3::new(0.4, -0.3, 0.2), 160, 120);
-    let count = 1_500_000;
+    let count = 720_000;
     let mut scene = cloud(&camera, 1, -1.0, |_| (80.0, 60.0, 3.0, 1.0));
     let base = &mut scene.base;
     base.sh_degree = 3;

@@ -72,7 +72,17 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
         let density = setup.options(strategy, limit, 200);
         let model = setup.model(&density, 192);
         let mut trainer = setup.trainer(&model, &density);
-        let whole = trainer.run(&model, &setup.views, false, |_| ()).unwrap();
+        trainer.start(false).unwrap();
+        let mut after = |steps: u32| {
+            trainer.go_on_to(steps);
+            while trainer.advance(&model, &setup.views).unwrap().is_some() {}
+            trainer.checkpoint(&model, &setup.views).unwrap()
+        };
+        // After the first refinements, and late in the run.
+        let (checkpoint, late) = (after(64), after(171));
+        assert_eq!((checkpoint.step, late.step), (64, 171));
+        after(200);
+        let whole = trainer.report();
         let scene = model.download().unwrap();
         let want = bits(&scene);
         println!("{strategy:?}: {first} to {} of {limit}", scene.base.len());
@@ -84,18 +94,7 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
             assert!(scene.base.len() as u32 == limit, "{strategy:?}: {} of {limit}", scene.base.len());
         }
 
-        // With another page size, from a checkpoint after the first refinements.
-        let other = setup.model(&density, 320);
-        let mut trainer = setup.trainer(&other, &density);
-        trainer.start(false).unwrap();
-        let mut after = |steps: u32| {
-            trainer.go_on_to(steps);
-            while trainer.advance(&other, &setup.views).unwrap().is_some() {}
-            trainer.checkpoint(&other, &setup.views).unwrap()
-        };
-        // And from one late in the run.
-        let (checkpoint, late) = (after(64), after(171));
-        assert_eq!((checkpoint.step, late.step), (64, 171));
+        // From the checkpoints, with another page size.
         for checkpoint in [&checkpoint, &late] {
             let fresh = setup.model(&density, 320);
             let mut trainer = setup.trainer(&fresh, &density);
