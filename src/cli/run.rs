@@ -33,7 +33,7 @@ use crate::{
 const EXAMPLES: &str = "\
 Runs glint train, enhance, report and export, prints each command line, and writes into DIR:
   trials/            short runs that choose --sh-degree; the test photos take no part in them
-  base.ply           the base, for comparison
+  base.ply           the base, for comparison; without --time, base.history.jsonl has five evaluations of it
   scene.ply          the scene, with lobes where they pay, and bands where they pay if its base has constant colors
   report/index.html  both compared with the test photos
   scene.html         a page that shows the scene in any browser
@@ -55,6 +55,8 @@ const BASE: &str = "base.ply";
 const SCENE: &str = "scene.ply";
 const TRAINED: &str = "train.json";
 const ENHANCED: &str = "enhance.json";
+/// Evaluations of the base during its training; their pictures lie in a folder of this name.
+const HISTORY: &str = "base.history.jsonl";
 const REPORT: &str = "report";
 const VIEWER: &str = "scene.html";
 /// Folder of COLMAP's poses.
@@ -64,6 +66,8 @@ const TRIALS: &str = "trials";
 
 /// Number of commands after the trials.
 const STEPS: usize = 4;
+/// Number of evaluations of the base during its training.
+const CURVE: u32 = 5;
 /// Degrees of the trials. Degree 2 lies between two of them and was not measured.
 const DEGREES: [u32; 3] = [0, 1, 3];
 /// Trials are shorter than the run by this factor.
@@ -319,6 +323,10 @@ impl Args {
         report.extend(words(["--run"], [&trained]).into_iter().chain(words(["--run"], [&enhanced])));
         if dataset.split(Split::Test).next().is_none() {
             report.extend(["--split".into(), "train".into()]);
+        } else if self.time.is_none() {
+            // Evaluations would come on top of the time.
+            train.extend(["--eval-every".into(), (self.preset.steps() / CURVE).to_string().into()]);
+            report.extend(words(["--history"], [at(HISTORY)]));
         }
         let mut export = words(["export"], [&scene, &path.to_owned()]);
         export.extend(words(["--html"], [at(VIEWER)]));

@@ -14,17 +14,29 @@ fn photos_become_a_scene_a_report_and_a_page() {
     assert!(found["enhance"]["bytes_added"].as_u64().unwrap() <= (336 - 218) * 68, "{found}");
     let names: Vec<&str> = found["scenes"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["base", "scene"]);
-    let written =
-        ["base.ply", "enhance.json", "report", "run.json", "scene.html", "scene.ply", "train.json"].map(str::to_owned);
+    let written = [
+        "base.history",
+        "base.history.jsonl",
+        "base.ply",
+        "enhance.json",
+        "report",
+        "run.json",
+        "scene.html",
+        "scene.ply",
+        "train.json",
+    ]
+    .map(str::to_owned);
     assert_eq!(files(&work.path("out")), written);
     assert_eq!(files(&work.path("out/report")), ["index.html", "report.json"]);
+    // The base's five evaluations are a curve.
+    assert!(fs::read_to_string(work.path("out/report/index.html")).unwrap().contains("<svg"));
     let info = work.ok("info out/scene.ply");
     assert!(info.contains("0.2"), "the scene has its settings: {info}");
 
     assert_eq!(
         found["commands"][0],
-        "glint train data --sh-degree 0 --gaussians 218 --iterations 2000 --points 109 -o out/base.ply --max-size 640 \
-         --background 0.2,0.2,0.2"
+        "glint train data --sh-degree 0 --gaussians 218 --iterations 2000 --points 109 -o out/base.ply --eval-every 400 \
+         --max-size 640 --background 0.2,0.2,0.2"
     );
 
     // A second run has nothing to do, and one after an interruption does what is left.
@@ -123,7 +135,7 @@ fn colmap_finds_poses_of_photos_without() {
     assert!(said.contains("5 photos without poses") && said.contains("run again without"), "{said}");
     let photos = work.path("photos").canonicalize().unwrap();
     let first = format!(
-        "1/4: glint train out/colmap --sh-degree 0 --gaussians 286 --iterations 7000 --points 143 -o out/base.ply --device nonesuch --images {}",
+        "1/4: glint train out/colmap --sh-degree 0 --gaussians 286 --iterations 7000 --points 143 -o out/base.ply --eval-every 1400 --device nonesuch --images {}",
         photos.display()
     );
     assert!(said.contains(&first) && said.contains("error: --device"), "{said}");

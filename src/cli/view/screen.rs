@@ -575,6 +575,26 @@ impl Screen {
         unsafe { self.device.cmd_pipeline_barrier(commands, transfer, transfer, none, &[], &[], &[barrier]) };
     }
 
+    /// The index of the window's next image; none within `patience`, or if the window has changed.
+    fn acquire(&mut self, slot: usize, patience: Duration) -> Result<Option<u32>> {
+        let (acquired, patience) = (self.slots[slot].acquired, patience.as_nanos() as u64);
+        // SAFETY: the slot's last commands waited for the semaphore, and have finished.
+        let got =
+            unsafe { self.presenter.acquire_next_image(self.chain.handle, patience, acquired, vk::Fence::null()) };
+        match got {
+            Ok((index, suboptimal)) => {
+                self.chain.stale |= suboptimal;
+                Ok(Some(index))
+            }
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => {
+                self.chain.stale = true;
+                Ok(None)
+            }
+            Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => Ok(None),
+            Err(error) => Err(named("vkAcquireNextImageKHR")(error).into()),
+        }
+    }
+
     /// Draws the next frame, if the window has an image for it within `patience`. With `save`, waits for it
     /// and returns the pixels that the window shows.
     pub(super) fn show(&mut self, shown: Shown<'_>, save: bool, patience: Duration) -> Result<Drawn> {
@@ -590,24 +610,7 @@ impl Screen {
         }
         let slot = self.next;
         self.settle(slot)?;
-        let acquired = self.slots[slot].acquired;
-        // SAFETY: the slot's last commands waited for the semaphore, and have finished.
-        let got = unsafe {
-            let patience = patience.as_nanos() as u64;
-            self.presenter.acquire_next_image(self.chain.handle, patience, acquired, vk::Fence::null())
-        };
-        let index = match got {
-            Ok((index, suboptimal)) => {
-                self.chain.stale |= suboptimal;
-                index
-            }
-            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => {
-                self.chain.stale = true;
-                return Ok(nothing);
-            }
-            Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(nothing),
-            Err(error) => return Err(named("vkAcquireNextImageKHR")(error).into()),
-        };
+        let Some(index) = self.acquire(slot, patience)? else { return Ok(nothing) };
         let (image, drawn) = (self.chain.images[index as usize], self.chain.drawn[index as usize]);
         let save = save && self.chain.readable;
         let commands = self.begin(slot)?;
@@ -659,7 +662,7 @@ impl Screen {
         self.turn(commands, image, from, vk::ImageLayout::PRESENT_SRC_KHR);
         self.slots[slot].kept = kept;
         self.slots[slot].draws = draws;
-        self.submit(slot, Some([acquired, drawn]))?;
+        self.submit(slot, Some([self.slots[slot].acquired, drawn]))?;
         self.next = (slot + 1) % self.slots.len();
         let (waits, chains, indices) = ([drawn], [self.chain.handle], [index]);
         let info = vk::PresentInfoKHR::default().wait_semaphores(&waits).swapchains(&chains).image_indices(&indices);
