@@ -604,6 +604,11 @@ mod tests {
     }
 
     #[test]
+    fn rows_out_of_bounds_fail_as_the_machine_does() {
+        assert_eq!(told(Failure::Bounds(2)), ("2 rows out of bounds (see the table)".into(), 1));
+    }
+
+    #[test]
     fn results_are_captured_until_the_work_ends() {
         let said = captured(|| print("a").and_then(|()| print(1)).is_ok());
         assert_eq!(said, ("a1".into(), true));

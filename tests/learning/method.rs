@@ -120,7 +120,7 @@ fn numbers() -> BTreeMap<&'static str, f64> {
         ("screen: least pixels", covered_min(800, 546) as f64),
         ("screen: largest scale, px", scale_max(9000.0, 9000.0)),
         ("screen: largest scale, of width + height", scale_max(800.0, 1200.0) / 2000.0),
-        ("screen: rate of centres, of the mean side", RATE_CENTRE),
+        ("screen: rate of centers, of the mean side", RATE_CENTRE),
         ("screen: rate of colors", RATE_COLOR),
         ("screen: rate of opacities", RATE_LOGIT),
         ("screen: rate of scales", RATE_LOG_SCALE),
