@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What gsplat's MCMC makes of a COLMAP dataset, for comparing with `glint train` on the same files: one line of JSON.
+"""Trains a COLMAP dataset by gsplat's MCMC, to compare with `glint train` on the same files. Prints one line of JSON.
 
     gsplat_mcmc.py DATASET --gaussians N [--steps S] [--max-size PIXELS] [--seed K]
 

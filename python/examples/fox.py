@@ -6,7 +6,7 @@ Cells begin with `# %%`: editors that know notebooks run them one by one. Needs 
 program ends by itself. It writes base.ply, fox.ply and fox.rrd into the working directory.
 """
 
-# %% What to do
+# %% Arguments
 import argparse
 
 import glint_splat as g

@@ -77,7 +77,7 @@ class Rendered(_NamedTuple):
     alpha: _Array32
     """(height, width), float32: the share of the background that is hidden, 0 to 1."""
     depth: _Array32 | None
-    """(height, width), float32: camera z at which half of the light is absorbed, scene units; 0 if less is. None without `depth=True`."""
+    """(height, width), float32: camera z of half absorption, scene units; 0 if less light is absorbed. None without `depth=True`."""
 
 
 class Gradients(_NamedTuple):
@@ -126,7 +126,7 @@ class Photo:
         return self._dataset.image(self._number)[0]
 
     def mask(self) -> _npt.NDArray[_np.bool_] | None:
-        """Reads which pixels count: (height, width), bool. None if all do."""
+        """Reads the pixels that count: (height, width), bool. None if all do."""
         return self._dataset.image(self._number)[1]
 
 
@@ -428,7 +428,7 @@ def rasterization(
     gradients. Gaussians nearer than 0.2 scene units are not drawn, and every Gaussian is blurred by 0.3 px^2. Once the `Meta` is
     deleted, the next call with the same image size and degree uses its buffers again.
 
-    Raises InputError, which names the array, for an invalid shape or number; DeviceError if there is no device or not enough memory.
+    Raises InputError with the array's name for an invalid shape or number; DeviceError if there is no device or not enough memory.
     """
     if rasterize_mode not in ("classic", "antialiased"):
         raise InputError(f"rasterize_mode is {rasterize_mode!r}, expected 'classic' or 'antialiased'")
@@ -461,7 +461,7 @@ def rasterization(
 
 
 def train(dataset: _Path, output: _Path, **options: _Any) -> Run:
-    """Trains a base scene on photos, as `glint train` does. Returns the run, an iterator over steps, which begins at once.
+    """Trains a base scene on photos, as `glint train` does. Returns the run, an iterator over steps. It begins at once.
 
         for step in train("garden", "base.ply", iterations=7000):
             print(step.step, step.psnr)

@@ -40,7 +40,7 @@ class _Storage:
         self._files.makedirs(self._root, exist_ok=True)
 
     def fetch(self, name: str, folder: str) -> str:
-        """The local path of a file, which need not exist; of a URL, a copy in `folder`."""
+        """The local path of a file; the file need not exist. Of a URL, a copy in `folder`."""
         if not self.is_remote:
             return _os.path.join(self.place, name)
         local, there = _os.path.join(folder, name), f"{self._root}/{name}"

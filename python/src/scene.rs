@@ -33,7 +33,7 @@ use crate::{Failure, bad, check_each, render::OnDevice};
 ///
 /// A Gaussian has opacity 1 / (1 + exp(-logit)), and the color 0.5 + the sum of coefficients times harmonics in sRGB.
 ///
-/// Raises InputError, which names the array, for a wrong shape or a number that is not finite.
+/// Raises InputError with the array's name for a wrong shape or a number that is not finite.
 #[pyclass(frozen, module = "glint_splat")]
 pub struct Gaussians {
     file: Arc<SceneFile>,

@@ -1,4 +1,4 @@
-"""A small dataset, a base and an augmented scene, made by the command line, with which tests compare the module."""
+"""A small dataset, a base and an augmented scene, made by the command line. Tests compare the module with them."""
 
 import json
 import os

@@ -99,7 +99,7 @@ def test_parts_lie_at_a_url(folder, plan, one_by_one):
 def test_the_slurm_script_submits_an_array_and_a_merge_after_it(folder, plan):
     text = cluster.slurm(plan, "city.ply", "/shared/a b", ["--iterations=7000"])
     assert subprocess.run(["sh", "-n"], input=text, text=True).returncode == 0
-    # `sbatch` as SLURM has it, which prints the job's number here and what it was given elsewhere.
+    # `sbatch` as SLURM has it: prints the job's number here, and its arguments elsewhere.
     tools = folder / "tools"
     tools.mkdir()
     (tools / "sbatch").write_text(f'#!/bin/sh\nfor one; do echo "$one" >> {folder}/submitted; done\necho 7\n')
