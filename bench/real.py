@@ -10,7 +10,7 @@ Rows of a dataset and seed:
 - run0, run1, run2, run3: `glint train` with a share of the bytes, then `glint enhance --bytes` with the rest, as
   `glint run --sh-degree` does.
 
-Rows without `enhance` take 30 steps more for each training photo, the number of its joint phase. Each finished row is a JSON line in
+Rows without `enhance` take 30 steps more for each training photo, like its joint phase. Each finished row is a JSON line in
 RUNS.jsonl. `glint report --history` draws them; the same command continues after the last one. A table of means comes last.
 """
 
