@@ -1,5 +1,4 @@
-//! Draws a frame of a scene with `Frames`: on this program's device, in its command buffer, into its memory; then a PPM
-//! file.
+//! Draws a frame of a scene with `Frames`: on this program's device, in its command buffer, into its memory. Writes a PPM file.
 //!
 //!     cargo run --release --no-default-features --example frames -- SCENE.ply OUT.ppm
 //!

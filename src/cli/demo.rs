@@ -135,16 +135,15 @@ struct Report {
 
 impl Args {
     pub(super) fn run(&self) -> Outcome {
-        let (report, times) = self.run_for(&WHOLE)?;
+        // Every prefix of the points is spread evenly. The plain control takes a longer prefix.
+        let (report, times) = self.run_for(&builtin_scene(2 * WHOLE.points).dataset(), &WHOLE)?;
         if self.json { Ok(print_json(&report)?) } else { Ok(print(self.summary(&report, &times))?) }
     }
 
-    fn run_for(&self, length: &Length) -> Outcome<(Report, Times)> {
-        // Every prefix of the points is spread evenly. The plain control takes a longer prefix.
-        let dataset = builtin_scene(2 * length.points).dataset();
+    fn run_for(&self, dataset: &Dataset, length: &Length) -> Outcome<(Report, Times)> {
         self.replace.check_files(&self.output, [BASE, AUGMENTED, PAGE, NUMBERS], &Inputs::default())?;
         self.replace.make_folder(&self.output, &Inputs::default())?;
-        self.device.with(|context| Ok(self.run_on(context, &dataset, length)?))
+        self.device.with(|context| Ok(self.run_on(context, dataset, length)?))
     }
 
     fn run_on(&self, context: &Context, dataset: &Dataset, length: &Length) -> Result<(Report, Times)> {
@@ -372,14 +371,12 @@ mod tests {
         let output = folder.path().join("demo");
         let line = Line::try_parse_from(["demo", "--json", "-o", output.to_str().unwrap()]).unwrap();
         let length = Length { points: 600, iterations: 60, joint: Some(1) };
-        std::fs::create_dir(&output).unwrap();
         let mut dataset = builtin_scene(2 * length.points).dataset();
         let photos = std::mem::take(&mut dataset.photos).into_iter().enumerate();
         dataset.photos =
             photos.filter(|(i, photo)| photo.split == Split::Test || i % 4 == 0).map(|(_, photo)| photo).collect();
         let views = dataset.split(Split::Train).count() as u32;
-        let made = line.args.device.with(|context| Ok(line.args.run_on(context, &dataset, &length)?));
-        let Ok((report, _)) = made else { panic!("the demo fails") };
+        let Ok((report, _)) = line.args.run_for(&dataset, &length) else { panic!("the demo fails") };
         let [base, on, plain, other, augmented] = &report.rows;
         let added = augmented.gaussians + augmented.supplementary - base.gaussians;
         assert!(added > 0 && augmented.supplementary > 0, "{added}");
@@ -401,6 +398,6 @@ mod tests {
         let page = std::fs::read_to_string(output.join(PAGE)).unwrap();
         assert_eq!(page.matches("<svg").count(), 6);
         // Existing files are not overwritten without `--force`.
-        assert!(line.args.run_for(&length).is_err());
+        assert!(line.args.run_for(&dataset, &length).is_err());
     }
 }

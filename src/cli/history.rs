@@ -26,7 +26,7 @@ use crate::{
 };
 
 /// Extensions that replace the output's: of the file, and of the folder of pictures.
-const FILE: &str = "history.jsonl";
+pub(super) const FILE: &str = "history.jsonl";
 const FOLDER: &str = "history";
 /// Prefix of the pictures' names.
 const STEP: &str = "step-";

@@ -12,7 +12,7 @@ use clap::{Parser, ValueEnum};
 use serde_json::{Value, json};
 
 use super::{
-    Cli, DeviceArgs, Outcome, PhotoArgs, captured, counted,
+    Cli, DeviceArgs, Outcome, PhotoArgs, captured, counted, history,
     output::{Inputs, OutputArgs},
     print, print_json,
     progress::{self, note},
@@ -55,8 +55,6 @@ const BASE: &str = "base.ply";
 const SCENE: &str = "scene.ply";
 const TRAINED: &str = "train.json";
 const ENHANCED: &str = "enhance.json";
-/// Evaluations of the base during its training; their pictures lie in a folder of this name.
-const HISTORY: &str = "base.history.jsonl";
 const REPORT: &str = "report";
 const VIEWER: &str = "scene.html";
 /// Folder of COLMAP's poses.
@@ -326,7 +324,7 @@ impl Args {
         } else if self.time.is_none() {
             // Evaluations would come on top of the time.
             train.extend(["--eval-every".into(), (self.preset.steps() / CURVE).to_string().into()]);
-            report.extend(words(["--history"], [at(HISTORY)]));
+            report.extend(words(["--history"], [base.with_extension(history::FILE)]));
         }
         let mut export = words(["export"], [&scene, &path.to_owned()]);
         export.extend(words(["--html"], [at(VIEWER)]));

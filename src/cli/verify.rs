@@ -51,7 +51,7 @@ pub(super) struct Args {
     #[arg(long)]
     json: bool,
     /// Self-test of the bounds: also compare with reference results that are off by this relative error, 0 to
-    /// 1. A row whose bounds do not notice fails as blind; with 0.002 none is
+    /// 1. A row fails as blind if its bounds do not notice the error; with 0.002, no row does
     #[arg(long, value_name = "ERROR", default_value_t = 0.0, hide_default_value = true, value_parser = parse_error)]
     perturb: f64,
     /// Print the bounds and their reasons, and exit

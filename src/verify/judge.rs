@@ -47,7 +47,7 @@ pub struct Row {
     pub errors: Errors,
     /// Violated bounds; empty if the row passes.
     pub breaches: Vec<Breach>,
-    /// Whether a twin that is off by [`Options::perturb`](super::Options::perturb) violates no bound either.
+    /// Whether no bound notices a twin that is off by [`Options::perturb`](super::Options::perturb); false if that is 0.
     pub blind: bool,
     /// Seconds per call on the device; `None` without timestamps.
     pub time: Option<f64>,

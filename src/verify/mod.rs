@@ -41,7 +41,7 @@ use crate::{
 pub struct Options {
     /// Run small cases only: a minute on two CPU cores instead of ten.
     pub quick: bool,
-    /// Compare with twins whose results are off by this relative error, too, to find bounds that do not notice; 0: do not.
+    /// If above 0: compare also with twins that are off by this relative error, to find bounds that do not notice it.
     pub perturb: f64,
 }
 
@@ -289,5 +289,34 @@ impl fmt::Display for Report {
             0 => writeln!(f, "{} rows, all within their bounds; {:.0} s.", self.rows.len(), self.seconds),
             n => writeln!(f, "{n} of {} rows break a bound; {:.0} s.", self.rows.len(), self.seconds),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::gpu::ContextOptions;
+
+    /// float32 does not resolve an error of 1e-12. A wrong integer has a wrong bit, however small the error.
+    #[test]
+    fn a_bound_that_does_not_notice_an_error_is_blind() {
+        let context = Context::new(&ContextOptions::from_env()).unwrap();
+        let blind = |perturb| {
+            let mut bench = Bench::new(&context, perturb, 0).unwrap();
+            raster::check(&bench).unwrap();
+            bench.push(|perturb| {
+                let mut row = Row::new("fma_rate", "", perturb);
+                row.numbers([(1.0, 1.0)]);
+                row
+            });
+            let rows = bench.into_rows();
+            assert!(rows.iter().all(|row| row.breaches.is_empty()), "{rows:#?}");
+            rows.iter().filter(|row| !row.is_ok()).map(|row| row.stage).collect::<BTreeSet<_>>()
+        };
+        // The other stages write integers, too.
+        assert_eq!(blind(1e-12), BTreeSet::from(["blend", "blend_backward", "fma_rate", "project_backward"]));
+        assert_eq!([blind(0.0), blind(2e-3)], [const { BTreeSet::new() }; 2]);
     }
 }

@@ -28,8 +28,9 @@ fn photos_become_a_scene_a_report_and_a_page() {
     .map(str::to_owned);
     assert_eq!(files(&work.path("out")), written);
     assert_eq!(files(&work.path("out/report")), ["index.html", "report.json"]);
-    // The base's five evaluations are a curve.
-    assert!(fs::read_to_string(work.path("out/report/index.html")).unwrap().contains("<svg"));
+    // The base's five evaluations are curves of PSNR and SSIM over seconds, bytes and Gaussians.
+    assert_eq!(fs::read_to_string(work.path("out/base.history.jsonl")).unwrap().lines().count(), 5);
+    assert_eq!(fs::read_to_string(work.path("out/report/index.html")).unwrap().matches("<svg").count(), 6);
     let info = work.ok("info out/scene.ply");
     assert!(info.contains("0.2"), "the scene has its settings: {info}");
 

@@ -1,5 +1,5 @@
-//! Twins that replace stages at run time: each stage in the pipelines that use it, all at once in a
-//! render, and the handling of a twin that is wrong or fails.
+//! Twins that replace stages at run time: all of a render and of a training step at once, and the
+//! handling of a twin that is wrong or fails.
 
 use glint::{
     gpu::{Buffer, Context, ContextOptions, GpuError, Twin},
@@ -10,7 +10,7 @@ use glint::{
     },
     reference::{random_camera, random_scene, twin, twins},
     stages::{blend, status},
-    verify::judged,
+    verify::{check, judged},
 };
 
 use super::common::Gpu;
@@ -21,11 +21,12 @@ fn with(twins: &[Twin]) -> Gpu {
     Gpu::with(ContextOptions { twins: twins.to_vec(), ..ContextOptions::from_env() })
 }
 
-/// Renders with every kernel replaced by its twin. Both sides of a row are then the same function of the same
-/// buffers; they differ only if the recorder loses a result between the host and the device.
+/// Renders and trains with every kernel replaced by its twin. In the render, both sides of a row are then the same function of the
+/// same buffers; they differ only if the recorder loses a result between the host and the device.
 #[test]
 fn a_device_of_twins_is_its_twins() {
     let gpu = with(&twins());
+    assert!(check(&gpu).unwrap().is_empty());
     let rows = judged(&gpu, |context| image(context).map(drop)).unwrap();
     assert!(["project", "radix_downsweep", "blend"].iter().all(|stage| rows.iter().any(|row| row.stage == *stage)));
     for row in rows {
