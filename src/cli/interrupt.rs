@@ -43,7 +43,7 @@ impl Interrupt {
                 .and_then(|_| flag::register(signal, Arc::clone(&self.asked)))
                 .map_err(|error| Error::io("signals", error))?;
         }
-        tracing::debug!("a signal ends this early");
+        tracing::debug!("listening for signals");
         Ok(())
     }
 

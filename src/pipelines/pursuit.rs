@@ -5,32 +5,21 @@
 //! of (gain → claim → check → attenuate) → place → append. The host does not wait in between; it reads the
 //! number of placed Gaussians at the end.
 
+mod placer;
+
+use self::placer::{KEPT, Placer};
 use super::{
-    lift::{Append, Lifts},
-    model::{Model, Segment},
-    plan::buffers,
-    render::{Renderer, Show},
+    model::Model,
+    render::Renderer,
     session::Session,
-    sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
     spend::{Choice, Chosen},
     steps::{Looped, Steps},
     views::Views,
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, Context, GpuError, Location, Recorder},
-    stages::{
-        WORKGROUP,
-        blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len, items_per_group},
-        constants::{
-            constants::NONE,
-            pursuit::{CELL, ERROR_BLOCK, LEVELS, SUMS, WIDTHS},
-        },
-        dispatch_args, pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain,
-        pursuit_place, pursuit_quanta, pursuit_residual, pursuit_score,
-        status::Resource,
-        types::{Candidate, Fit, Lift, Plot, Texel},
-    },
+    gpu::{Buffer, Recorder},
+    stages::{constants::constants::NONE, status::Resource, types::Lift},
 };
 
 /// Kinds of Gaussians that may be placed.
@@ -126,80 +115,12 @@ impl Placed {
     }
 }
 
-/// Words of `counts`.
-const BLOCKS: u32 = 0;
-pub(crate) const QUANTA: u32 = 1;
-const CANDIDATES: u32 = 2;
-pub(crate) const KEPT: u32 = 3;
-const PLACES: u32 = 4;
-const PLACED: u32 = 5;
-const SPENT: u32 = 6;
-const COUNTS: usize = 7;
-
 /// Steps per submission.
 const STEPS_PER_SUBMISSION: u32 = 8;
 /// Bytes per word; budgets count words.
 const WORD: u64 = 4;
 /// So many candidates cost little, and among fewer some Gaussians find no good one.
 pub const FEW_CANDIDATES: u32 = 4096;
-/// Maximum bytes of sums for a chunk of candidates.
-const CHUNK_BYTES: u64 = 128 << 20;
-
-/// Views that share one set of buffers for their pyramids.
-pub(crate) struct Page {
-    pub(crate) views: std::ops::Range<u32>,
-    pub(crate) blocks: std::ops::Range<u32>,
-    pub(crate) texels: Buffer<Texel>,
-    pub(crate) surface_depths: Buffer<f32>,
-    pub(crate) errors: Buffer<f32>,
-    pub(crate) explained: Buffer<u32>,
-    pub(crate) claims: Buffer<u32>,
-}
-
-/// Sizes of [`Work`].
-pub(crate) struct Sizes {
-    pixels: u32,
-    blocks: u32,
-    candidates: u32,
-    chunk_items: u32,
-    most: u32,
-}
-
-buffers! {
-    pub(crate) struct Work(o: Sizes) {
-        /// Texels of one view before blurring.
-        pub(crate) raw_texels: Texel = o.pixels,
-        pub(crate) counts: u32 = COUNTS,
-        pub(crate) args: u32 = 9,
-        pub(crate) error_sums: f32 = o.blocks,
-        /// Squared error, summed over channels, of each block.
-        pub(crate) squares: f32 = o.blocks,
-        pub(crate) quanta: u32 = o.blocks,
-        pub(crate) quanta_firsts: u32 = o.blocks,
-        pub(crate) block_sums: u32 = block_sums_len(o.blocks.max(o.candidates)),
-        pub(crate) candidates: Candidate = o.candidates,
-        pub(crate) fits: Fit = o.candidates,
-        pub(crate) prices: u32 = o.candidates,
-        /// By rank: total price of the candidates with a higher gain.
-        pub(crate) spent: u32 = o.candidates,
-        pub(crate) sums: f32 = o.chunk_items as usize * (WIDTHS * SUMS) as usize,
-        pub(crate) gains: f32 = o.candidates,
-        /// Squares of the gains in each view.
-        pub(crate) gain_squares: f32 = o.candidates,
-        pub(crate) beaten: u32 = o.candidates,
-        pub(crate) gain_keys: u32 = o.candidates,
-        pub(crate) sorted_keys: u32 = o.candidates,
-        pub(crate) order: u32 = o.candidates,
-        pub(crate) other_keys: u32 = o.candidates,
-        pub(crate) other_order: u32 = o.candidates,
-        pub(crate) radix_counts: u32 = block_counts_len(o.candidates, 32),
-        pub(crate) digit_totals: u32 = DIGIT_TOTALS,
-        pub(crate) lifts: Lift = o.most,
-        pub(crate) lift_flags: u32 = o.most,
-        pub(crate) plain_flags: u32 = o.most,
-        pub(crate) ranks: u32 = o.most,
-    }
-}
 
 /// Current phase of a placement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -229,173 +150,15 @@ pub struct Pursuit {
     brief: bool,
 }
 
-/// Pipelines and buffers of a placement, made once.
-pub(crate) struct Placer {
-    context: Context,
-    options: PursuitOptions,
-    background: [f32; 3],
-    seed: u32,
-    /// Maximum number of Gaussians: that fit, and that may be placed now.
-    most: u32,
-    limit: u32,
-    /// Prices in words, of a Gaussian with a lobe and of a plain one, and the budget for now; [`NONE`]:
-    /// unlimited.
-    pub(crate) prices: [u32; 2],
-    budget: u32,
-    pub(crate) candidates: u32,
-    /// Candidates per chunk.
-    chunk: u32,
-    pub(crate) worth: [f32; 2],
-    pub(crate) plots: Buffer<Plot>,
-    pub(crate) plot_list: Vec<Plot>,
-    pub(crate) pages: Vec<Page>,
-    pub(crate) work: Work,
-    stages: Stages,
-}
-
-struct Stages {
-    residual: pursuit_residual::Stage,
-    blur: [pursuit_blur::Stage; 2],
-    quanta: pursuit_quanta::Stage,
-    args: dispatch_args::Stage,
-    scan: Scan,
-    draw: pursuit_draw::Stage,
-    score: pursuit_score::Stage,
-    fit: pursuit_fit::Stage,
-    gain: pursuit_gain::Stage,
-    claim: [pursuit_claim::Stage; 2],
-    attenuate: pursuit_attenuate::Stage,
-    sort: RadixSort,
-    /// Scan of prices, in the order of gain.
-    spend: Scan,
-    place: pursuit_place::Stage,
-    append: Append,
-}
-
-impl Stages {
-    fn new(context: &Context) -> Result<Self, GpuError> {
-        let workgroup_size = WORKGROUP;
-        let blur = |halve| pursuit_blur::Stage::new(context, &pursuit_blur::Spec { workgroup_size, halve });
-        let claim = |check| pursuit_claim::Stage::new(context, &pursuit_claim::Spec { workgroup_size, check });
-        // A single workgroup sums over everything, with as many threads as a spine.
-        let most = context.info().max_workgroup;
-        let quanta = pursuit_quanta::Spec { workgroup_size: context.info().workgroup(256).min(most) };
-        Ok(Stages {
-            residual: pursuit_residual::Stage::new(context, &pursuit_residual::Spec { workgroup_size })?,
-            blur: [blur(false)?, blur(true)?],
-            quanta: pursuit_quanta::Stage::new(context, &quanta)?,
-            args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
-            scan: Scan::new(context, false)?,
-            draw: pursuit_draw::Stage::new(context, &pursuit_draw::Spec { workgroup_size })?,
-            score: pursuit_score::Stage::new(context, &pursuit_score::Spec { workgroup_size })?,
-            fit: pursuit_fit::Stage::new(context, &pursuit_fit::Spec { workgroup_size })?,
-            gain: pursuit_gain::Stage::new(context, &pursuit_gain::Spec { workgroup_size })?,
-            claim: [claim(false)?, claim(true)?],
-            attenuate: pursuit_attenuate::Stage::new(context, &pursuit_attenuate::Spec { workgroup_size })?,
-            sort: RadixSort::new(context, 32, Input::Keys)?,
-            spend: Scan::new(context, true)?,
-            place: pursuit_place::Stage::new(context, &pursuit_place::Spec { workgroup_size })?,
-            append: Append::new(context)?,
-        })
-    }
-}
-
-/// Position of level k of a view: first texel, width, height.
-pub(crate) fn level_of(plot: &Plot, width: u32, height: u32, k: u32) -> [u32; 3] {
-    let mut level = [plot.texel_first, width, height];
-    for j in 1..=k {
-        level[0] += level[1] * level[2];
-        level[1] = width.div_ceil(1 << j);
-        level[2] = height.div_ceil(1 << j);
-    }
-    level
-}
-
 impl Pursuit {
     /// Places at most `most` Gaussians, over all of `views`, whose photographs must be uploaded. Waits.
     ///
     /// # Errors
     /// Errors of the device; [`Error::Usage`] for more views or pixels than 32 bits can count.
     pub fn new(session: &Session, views: &Views, most: u32, options: PursuitOptions) -> Result<Self> {
-        let context = &session.context;
-        let bound = context.info().max_storage_bytes;
-        let most_texels = u64::from(options.page.unwrap_or(u32::MAX)).min(bound / size_of::<Texel>() as u64);
-        let (mut plot_list, mut pages) = (Vec::new(), Vec::new());
-        let mut begin = (0usize, 0u32);
-        let (mut texels, mut pixels, mut cells, mut blocks) = (0u64, 0u64, 0u64, 0u64);
-        let make =
-            |views: std::ops::Range<u32>, blocks, texels: u64, pixels: u64, cells: u64| -> Result<Page, GpuError> {
-                let floats = |name: &str| Buffer::new(context, name, pixels as usize, Location::Device);
-                Ok(Page {
-                    views,
-                    blocks,
-                    texels: Buffer::new(context, "texels", texels as usize, Location::Device)?,
-                    surface_depths: floats("surface_depths")?,
-                    errors: floats("errors")?,
-                    explained: Buffer::new(context, "explained", pixels as usize, Location::Device)?,
-                    claims: Buffer::new(context, "claims", cells as usize, Location::Device)?,
-                })
-            };
-        for (v, camera) in views.cameras.iter().enumerate() {
-            let (w, h) = (u64::from(camera.width), u64::from(camera.height));
-            let level = |k: u32| w.div_ceil(1 << k) * h.div_ceil(1 << k);
-            let own: u64 = (0..LEVELS).map(level).sum();
-            if v > begin.0 && (texels + own > most_texels) {
-                pages.push(make(begin.0 as u32..v as u32, begin.1..blocks as u32, texels, pixels, cells)?);
-                begin = (v, blocks as u32);
-                (texels, pixels, cells) = (0, 0, 0);
-            }
-            let first = Plot {
-                texel_first: texels as u32,
-                pixel_first: pixels as u32,
-                cell_first: cells as u32,
-                block_first: u32::try_from(blocks).map_err(|_| too_many())?,
-            };
-            plot_list.push(first);
-            texels += own;
-            pixels += w * h;
-            cells += w.div_ceil(CELL.into()) * h.div_ceil(CELL.into());
-            blocks += (w * h).div_ceil(ERROR_BLOCK.into());
-        }
-        let blocks = u32::try_from(blocks).map_err(|_| too_many())?;
-        pages.push(make(begin.0 as u32..views.cameras.len() as u32, begin.1..blocks, texels, pixels, cells)?);
-        // As many candidates as one sort can hold.
-        let largest = (bound / size_of::<Candidate>() as u64).min(1 << 26) as u32;
-        let drawn = most.saturating_mul(options.draws);
-        let candidates = drawn.saturating_mul(4).min(FEW_CANDIDATES).max(drawn).clamp(1, largest);
-        let item_bytes = 4 * u64::from(WIDTHS * SUMS * options.sizes.max(1));
-        let chunk = (CHUNK_BYTES.min(bound) / item_bytes).max(1).min(u64::from(candidates)) as u32;
-        let sizes = Sizes {
-            pixels: views.max_pixels(),
-            blocks,
-            candidates,
-            chunk_items: chunk * options.sizes.max(1),
-            most: most.max(1),
-        };
-        let worth = match options.kinds {
-            Kinds::Both => [options.lobe_worth, 1.0],
-            Kinds::Lobes => [1.0, 0.0],
-            Kinds::Plain => [0.0, 1.0],
-        };
-        let placer = Placer {
-            context: context.clone(),
-            options,
-            background: session.background,
-            seed: session.seed as u32,
-            most: most.max(1),
-            limit: most,
-            prices: [1; 2],
-            budget: NONE,
-            candidates,
-            chunk,
-            worth,
-            plots: Buffer::from_slice(context, "plots", &plot_list)?,
-            plot_list,
-            pages,
-            work: Work::new(context, &sizes)?,
-            stages: Stages::new(context)?,
-        };
-        Ok(Pursuit { placer, steps: Steps::new(context, STEPS_PER_SUBMISSION)?, job: Job::Done, brief: false })
+        let placer = Placer::new(session, views, most, options)?;
+        let steps = Steps::new(&session.context, STEPS_PER_SUBMISSION)?;
+        Ok(Pursuit { placer, steps, job: Job::Done, brief: false })
     }
 
     /// Sets the price of a Gaussian, in bytes, with a lobe and without. The kind with the higher gain per
@@ -496,7 +259,7 @@ impl Pursuit {
     /// The chosen candidates, placed or not. Waits.
     pub fn choice(&self) -> Result<Choice> {
         let p = &self.placer;
-        let sorted = p.pairs()[p.stages.sort.last_pair()];
+        let sorted = p.sorted();
         let kept = (p.work.counts.download()?[KEPT as usize] as usize).min(p.candidates as usize);
         let (keys, order) = (sorted.keys.download_range(0, kept)?, sorted.values.download_range(0, kept)?);
         let fits = p.work.fits.download()?;
@@ -515,347 +278,10 @@ impl Pursuit {
         let p = &self.placer;
         let lifts: Vec<Lift> = p.work.lifts.download()?.into_iter().take_while(|lift| lift.cluster_size > 0).collect();
         let lobes = lifts.iter().filter(|lift| lift.lobe_width > 0.0).count() as u32;
-        let keys = p.pairs()[p.stages.sort.last_pair()].keys.download_range(0, lifts.len())?;
+        let keys = p.sorted().keys.download_range(0, lifts.len())?;
         let gains = keys.into_iter().map(|key| f32::from_bits(!key)).collect();
         Ok(Placed { lobes, plain: lifts.len() as u32 - lobes, lifts, gains })
     }
-}
-
-impl Placer {
-    fn blocks(&self) -> u32 {
-        self.pages.last().map_or(0, |page| page.blocks.end)
-    }
-
-    /// Number of chunks of candidates.
-    fn fits(&self) -> u32 {
-        self.candidates.div_ceil(self.chunk)
-    }
-
-    /// Number of choosing steps: one to draw, one per chunk, the rounds.
-    fn choices(&self) -> u32 {
-        1 + self.fits() + self.options.rounds
-    }
-
-    fn pairs(&self) -> [Pairs<'_>; 2] {
-        let w = &self.work;
-        [Pairs { keys: &w.sorted_keys, values: &w.order }, Pairs { keys: &w.other_keys, values: &w.other_order }]
-    }
-
-    fn record_look(
-        &self,
-        recorder: &mut Recorder,
-        renderer: &Renderer,
-        model: &Model,
-        views: &Views,
-        view: u32,
-        status: &Buffer<u32>,
-    ) -> Result<()> {
-        let show = Show::all(model, self.background);
-        renderer.record(recorder, model, views, view, &show, status)?;
-        self.record_pyramid(recorder, views, view, &renderer.raster.buffers.image, &renderer.depths)
-    }
-
-    /// Records the residual of a rendered view, and its pyramid.
-    pub(crate) fn record_pyramid(
-        &self,
-        recorder: &mut Recorder,
-        views: &Views,
-        view: u32,
-        image: &Buffer<[f32; 4]>,
-        depths: &Buffer<f32>,
-    ) -> Result<()> {
-        let (w, camera) = (&self.work, &views.cameras[view as usize]);
-        let page = self.pages.iter().find(|page| page.views.contains(&view));
-        let Some(page) = page else { return Err(too_many()) };
-        let pixels = camera.pixels();
-        let targets = views.record_photograph(recorder, view)?;
-        self.stages.residual.record(
-            recorder,
-            &pursuit_residual::Buffers {
-                frames: &views.frames,
-                plots: &self.plots,
-                image,
-                targets,
-                depths,
-                texels: &w.raw_texels,
-                surface_depths: &page.surface_depths,
-                errors: &page.errors,
-                error_sums: &w.error_sums,
-                explained: &page.explained,
-                squares: &w.squares,
-            },
-            &pursuit_residual::Push { view },
-            pixels.div_ceil(ERROR_BLOCK),
-        );
-        let plot = &self.plot_list[view as usize];
-        let mut from = [0, camera.width, camera.height];
-        for k in 0..LEVELS {
-            let to = level_of(plot, camera.width, camera.height, k);
-            let push = pursuit_blur::Push {
-                from_first: from[0],
-                from_width: from[1],
-                from_height: from[2],
-                first: to[0],
-                width: to[1],
-                height: to[2],
-            };
-            // Each level is made from the one below, in the same buffer.
-            let from_texels = if k == 0 { &w.raw_texels } else { &page.texels };
-            let buffers = pursuit_blur::Buffers { from_texels, texels: &page.texels };
-            self.stages.blur[usize::from(k > 0)].record(recorder, &buffers, &push, to[1] * to[2]);
-            from = to;
-        }
-        Ok(())
-    }
-
-    fn record_args(&self, recorder: &mut Recorder, count_index: u32, items: u32, dispatch: u32, status: &Buffer<u32>) {
-        let w = &self.work;
-        self.stages.args.record(
-            recorder,
-            &dispatch_args::Buffers { count: &w.counts, dispatch_args: &w.args, status },
-            &dispatch_args::Push {
-                count_index,
-                capacity: items,
-                items_per_group: items_per_group(self.context.info()),
-                args_index: 3 * dispatch,
-                resource_index: Resource::Intersections.index(),
-            },
-            1,
-        );
-    }
-
-    pub(crate) fn record_draw(&self, recorder: &mut Recorder, views: &Views, status: &Buffer<u32>) {
-        let (w, s) = (&self.work, &self.stages);
-        let count = self.blocks();
-        self.record_args(recorder, BLOCKS, count, 0, status);
-        self.record_args(recorder, CANDIDATES, self.candidates, 1, status);
-        self.record_args(recorder, PLACES, self.most, 2, status);
-        let buffers = pursuit_quanta::Buffers { error_sums: &w.error_sums, quanta: &w.quanta };
-        s.quanta.record(recorder, &buffers, &pursuit_quanta::Push { count }, 1);
-        let extent = Extent { count: &w.counts, index: BLOCKS, args: &w.args, dispatch: 0 };
-        let scan = ScanBuffers { values: &w.quanta, index: None, block_sums: &w.block_sums, offsets: &w.quanta_firsts };
-        s.scan.record(recorder, &scan, extent, QUANTA);
-        recorder.fill(&w.candidates, NONE);
-        for page in &self.pages {
-            s.draw.record(
-                recorder,
-                &pursuit_draw::Buffers {
-                    views: &views.views,
-                    plots: &self.plots,
-                    quanta_total: &w.counts,
-                    quanta_firsts: &w.quanta_firsts,
-                    quanta: &w.quanta,
-                    error_sums: &w.error_sums,
-                    errors: &page.errors,
-                    surface_depths: &page.surface_depths,
-                    candidates: &w.candidates,
-                },
-                &pursuit_draw::Push {
-                    count: self.candidates,
-                    seed: self.seed,
-                    view_first: page.views.start,
-                    view_end: page.views.end,
-                    view_count: self.plot_list.len() as u32,
-                    block_first: page.blocks.start,
-                    block_end: page.blocks.end,
-                    total_index: QUANTA,
-                },
-                self.candidates,
-            );
-        }
-        recorder.fill(&w.gain_keys, NONE);
-    }
-
-    pub(crate) fn record_fit(&self, recorder: &mut Recorder, views: &Views, chunk: u32) {
-        let (w, s) = (&self.work, &self.stages);
-        let first = chunk * self.chunk;
-        let count = self.chunk.min(self.candidates - first);
-        let PursuitOptions { sizes, first_size, size_ratio, .. } = self.options;
-        for (k, page) in self.pages.iter().enumerate() {
-            s.score.record(
-                recorder,
-                &pursuit_score::Buffers {
-                    views: &views.views,
-                    plots: &self.plots,
-                    surface_depths: &page.surface_depths,
-                    candidates: &w.candidates,
-                    texels: &page.texels,
-                    sums: &w.sums,
-                },
-                &pursuit_score::Push {
-                    first,
-                    count,
-                    sizes,
-                    first_size,
-                    size_ratio,
-                    view_first: page.views.start,
-                    view_end: page.views.end,
-                    begin: u32::from(k == 0),
-                },
-                count * sizes,
-            );
-        }
-        let ([lobe_worth, plain_worth], [lobe_price, plain_price]) = (self.worth, self.prices);
-        s.fit.record(
-            recorder,
-            &pursuit_fit::Buffers { candidates: &w.candidates, sums: &w.sums, fits: &w.fits, prices: &w.prices },
-            &pursuit_fit::Push {
-                first,
-                count,
-                sizes,
-                first_size,
-                size_ratio,
-                lobe_worth,
-                plain_worth,
-                lobe_price,
-                plain_price,
-                doubt: self.options.doubt,
-            },
-            count,
-        );
-    }
-
-    pub(crate) fn record_round(&self, recorder: &mut Recorder, views: &Views) {
-        let (w, s) = (&self.work, &self.stages);
-        let count = self.candidates;
-        for (k, page) in self.pages.iter().enumerate() {
-            s.gain.record(
-                recorder,
-                &pursuit_gain::Buffers {
-                    views: &views.views,
-                    plots: &self.plots,
-                    surface_depths: &page.surface_depths,
-                    candidates: &w.candidates,
-                    texels: &page.texels,
-                    explained: &page.explained,
-                    fits: &w.fits,
-                    gain_keys: &w.gain_keys,
-                    gains: &w.gains,
-                    gain_squares: &w.gain_squares,
-                },
-                &pursuit_gain::Push {
-                    count,
-                    view_first: page.views.start,
-                    view_end: page.views.end,
-                    begin: u32::from(k == 0),
-                    last: u32::from(k + 1 == self.pages.len()),
-                    caution: self.options.caution,
-                    doubt: self.options.doubt,
-                },
-                count,
-            );
-        }
-        for check in [0, 1] {
-            for (k, page) in self.pages.iter().enumerate() {
-                if check == 0 {
-                    recorder.fill(&page.claims, 0);
-                }
-                s.claim[check].record(
-                    recorder,
-                    &pursuit_claim::Buffers {
-                        views: &views.views,
-                        plots: &self.plots,
-                        surface_depths: &page.surface_depths,
-                        candidates: &w.candidates,
-                        fits: &w.fits,
-                        gains: &w.gains,
-                        claims: &page.claims,
-                        beaten: &w.beaten,
-                    },
-                    &pursuit_claim::Push {
-                        count,
-                        view_first: page.views.start,
-                        view_end: page.views.end,
-                        begin: u32::from(k == 0),
-                    },
-                    count,
-                );
-            }
-        }
-        for (k, page) in self.pages.iter().enumerate() {
-            s.attenuate.record(
-                recorder,
-                &pursuit_attenuate::Buffers {
-                    views: &views.views,
-                    plots: &self.plots,
-                    surface_depths: &page.surface_depths,
-                    candidates: &w.candidates,
-                    texels: &page.texels,
-                    fits: &w.fits,
-                    gains: &w.gains,
-                    beaten: &w.beaten,
-                    explained: &page.explained,
-                    gain_keys: &w.gain_keys,
-                },
-                &pursuit_attenuate::Push {
-                    count,
-                    view_first: page.views.start,
-                    view_end: page.views.end,
-                    last: u32::from(k + 1 == self.pages.len()),
-                },
-                count,
-            );
-        }
-    }
-
-    /// `budget` is in words; [`NONE`]: unlimited.
-    pub(crate) fn record_place(&self, recorder: &mut Recorder, budget: u32) {
-        let (w, s) = (&self.work, &self.stages);
-        let [first, second] = self.pairs();
-        let input = Pairs { keys: &w.gain_keys, values: &w.gain_keys };
-        let scratch = RadixScratch { block_counts: &w.radix_counts, digit_totals: &w.digit_totals };
-        let extent = Extent { count: &w.counts, index: CANDIDATES, args: &w.args, dispatch: 1 };
-        let sorted = s.sort.record(recorder, input, [first, second], scratch, extent, KEPT);
-        if budget != NONE {
-            let extent = Extent { index: KEPT, ..extent };
-            let (block_sums, offsets) = (&w.block_sums, &w.spent);
-            let prices = ScanBuffers { values: &w.prices, index: Some(sorted.values), block_sums, offsets };
-            s.spend.record(recorder, &prices, extent, SPENT);
-        }
-        s.place.record(
-            recorder,
-            &pursuit_place::Buffers {
-                kept: &w.counts,
-                order: sorted.values,
-                candidates: &w.candidates,
-                fits: &w.fits,
-                gain_keys: &w.gain_keys,
-                lifts: &w.lifts,
-                lift_flags: &w.lift_flags,
-                plain_flags: &w.plain_flags,
-                prices: &w.prices,
-                spent: &w.spent,
-            },
-            &pursuit_place::Push {
-                count: self.most,
-                most: self.limit,
-                budget,
-                kept_index: KEPT,
-                least_gain: self.options.least_gain,
-            },
-            self.most,
-        );
-    }
-
-    fn record_append(&self, recorder: &mut Recorder, model: &Model, status: &Buffer<u32>) {
-        let (w, s) = (&self.work, &self.stages);
-        for (segment, flags) in [(Segment::Base, &w.plain_flags), (Segment::Supplement, &w.lift_flags)] {
-            let lifts = Lifts {
-                lifts: &w.lifts,
-                flags,
-                ranks: &w.ranks,
-                block_sums: &w.block_sums,
-                extent: Extent { count: &w.counts, index: PLACES, args: &w.args, dispatch: 2 },
-                total_index: PLACED,
-                count: self.most,
-            };
-            s.append.record(recorder, segment, &lifts, model, status);
-        }
-    }
-}
-
-fn too_many() -> Error {
-    Error::Usage("the views have more pixels than can be counted".into())
 }
 
 struct Look<'a> {

@@ -53,6 +53,9 @@ const NAMES: [&str; 9] = ["a.png", "b/c.png", "d.png", "e.png", "f.png", "g.PNG"
 /// Scenes by the number of photos and the command that trained them: equal datasets give equal scenes, so tests share them.
 static TRAINED: Mutex<BTreeMap<(usize, String), Vec<u8>>> = Mutex::new(BTreeMap::new());
 
+/// The commands that ran with validation layers, each with the names of its options.
+static VALIDATED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
 /// A folder with a dataset `data` and the test's files.
 struct Work(TempDir);
 
@@ -100,10 +103,16 @@ impl Work {
         self.0.path().join(name)
     }
 
+    /// A command in this folder. Layers take half of a short command's time, so only the first with the same options has them.
     fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
         command.current_dir(self.0.path()).args(arguments.split_whitespace()).env_remove("RUST_LOG");
         command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        let name = arguments.split_whitespace().next();
+        let kind = name.into_iter().chain(arguments.split_whitespace().filter(|word| word.starts_with('-')));
+        if !VALIDATED.lock().unwrap().insert(kind.collect::<Vec<_>>().join(" ")) {
+            command.env_remove("GLINT_VALIDATION");
+        }
         command
     }
 
