@@ -72,6 +72,8 @@ const DEGREES: [u32; 3] = [0, 1, 3];
 const TRIAL: u32 = 16;
 /// Minimum number of steps of a trial. On chair degree 3 leads by 0.3 dB after 125 steps, by 1.1 dB after 250, and by 0.7 dB in the end.
 const LEAST_TRIAL: u32 = 250;
+/// Minimum time of a trial: a program needs about a second of it before the first step.
+const LEAST_TRIAL_TIME: Duration = Duration::from_secs(5);
 /// A base with harmonics must be better than constant colors by this much in the trials, dB, because bands and lobes then improve
 /// constant colors by more (docs/experiments/2026-11-28-degree.md).
 const MARGIN_DB: f64 = 0.5;
@@ -129,7 +131,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
     /// Degree of the harmonics of all Gaussians, 0 to 3. With 0, only those get bands that gain by them
-    /// [default: chosen by short runs, tested on photos that they leave out of the training photos]
+    /// [default: chosen by short runs, tested on photos that they leave out of the training photos; 0 with
+    /// --time below 80s]
     #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: Option<u32>,
     /// Start over even if the folder has another run
@@ -164,8 +167,12 @@ impl Args {
         let bytes = self.bytes.map_or_else(|| self.default_bytes(&dataset), Ok)?;
         shares(bytes, self.sh_degree.unwrap_or(0))?;
         OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
-        // A single photo leaves none to test on, and a plan decides the photos of its parts.
-        let chooses = self.sh_degree.is_none() && dataset.part.is_none() && dataset.split(Split::Train).count() > 1;
+        let chooses = self.chooses(&dataset);
+        if let Some(time) = self.time.filter(|_| self.sh_degree.is_none() && !self.has_time_for_trials()) {
+            note(format!(
+                "{time:?} are too short for trials: the base has constant colors, unless --sh-degree is given"
+            ));
+        }
         let (mut steps, mut sh_degree) = (vec![], self.sh_degree.unwrap_or(0));
         if chooses {
             steps = self.trials(&path, &dataset, &photos, bytes)?;
@@ -179,6 +186,17 @@ impl Args {
         self.prepare(&steps, self.restart && !chooses)?;
         self.go(&steps, trials, steps.len())?;
         self.tell(&steps, began)
+    }
+
+    /// Whether trials choose the degree.
+    fn chooses(&self, dataset: &Dataset) -> bool {
+        // A single photo leaves none to test on, and a plan decides the photos of its parts.
+        let can = dataset.part.is_none() && dataset.split(Split::Train).count() > 1;
+        can && self.sh_degree.is_none() && self.has_time_for_trials()
+    }
+
+    fn has_time_for_trials(&self) -> bool {
+        self.time.is_none_or(|time| time / TRIAL >= LEAST_TRIAL_TIME)
     }
 
     /// Runs all steps from `first` on that are not done.
@@ -304,7 +322,7 @@ impl Args {
         enhance.extend(words(["--base"], [&base]).into_iter().chain(words(["-o"], [&scene])));
         let length = match self.time {
             Some(time) => {
-                let trials = if self.sh_degree.is_none() { DEGREES.len() as f64 / f64::from(TRIAL) } else { 0.0 };
+                let trials = if self.chooses(dataset) { DEGREES.len() as f64 / f64::from(TRIAL) } else { 0.0 };
                 let left = (1.0 - trials) * time.as_secs_f64();
                 let [train_for, enhance_for] = TIME.map(|share| format!("{:.1}s", share * left));
                 enhance.extend(["--time".into(), enhance_for.into()]);

@@ -70,6 +70,14 @@ fn photos_become_a_scene_a_report_and_a_page() {
     );
     assert!(line(2).ends_with("--split train --device nonesuch --holdout none"), "{commands}");
     assert!(!work.path("out/train.json").exists(), "the old run is gone");
+
+    // A sixteenth of the time would not reach a trial's first steps.
+    for (time, commands) in [("79s", 4), ("80s", 10)] {
+        let output = work.run(&format!("run data -o {time} --time {time} --bytes 30kB --device nonesuch"));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains(&format!("1/{commands}: glint train")), "{said}");
+        assert_eq!(said.contains("too short for trials"), commands == 4, "{said}");
+    }
 }
 
 /// Without a degree, short runs choose it, and the test photos take no part.
