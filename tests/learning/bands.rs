@@ -294,7 +294,7 @@ fn an_augmentation_gives_bands_and_goes_on_from_a_checkpoint() {
     let base = Scene { base: truth.base.clone().with_degree(0), ..truth.clone() };
     let bytes = 4000;
     let mut options = EnhanceOptions { bytes: Some(bytes), ratio: 1.0, ..EnhanceOptions::pursuit() };
-    options.join.steps_per_view = 4;
+    options.join.steps_per_view = 2;
     let session = session(&gpu);
     let whole = enhance(&session, &base, &views, &options, |_| ()).unwrap();
     let banded = whole.scene.base.len() - whole.scene.base.constants();
@@ -304,7 +304,7 @@ fn an_augmentation_gives_bands_and_goes_on_from_a_checkpoint() {
     let mut first = Enhancer::new(&session, &base, &views, &options).unwrap();
     let checkpoint = loop {
         match first.next(&views).unwrap().unwrap() {
-            Event::Join { step, .. } if step >= 50 => break first.checkpoint(&views).unwrap(),
+            Event::Join { step, .. } if step >= 20 => break first.checkpoint(&views).unwrap(),
             _ => {}
         }
     };
@@ -316,6 +316,7 @@ fn an_augmentation_gives_bands_and_goes_on_from_a_checkpoint() {
     }
     assert!(second.finish(&views).unwrap().scene == whole.scene);
     // Without bands, and of a base that has some, nothing is given any.
+    options.join.steps_per_view = 1;
     for (scene, options) in [(&base, EnhanceOptions { bands: false, ..options }), (&truth, options)] {
         let found = enhance(&session, scene, &views, &options, |_| ()).unwrap();
         assert!(found.promotion.gains.is_empty() && !found.scene.mixed);
