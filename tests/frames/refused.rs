@@ -2,26 +2,48 @@
 
 use super::*;
 
+/// A scene, its model, and a view for frames of 32 × 24 pixels.
+fn small(gpu: &Gpu) -> (Scene, Model, FrameView) {
+    let scene = random_scene(7, 100, 20, 1);
+    let model = Model::upload(gpu, &scene, 0).unwrap();
+    (scene, model, FrameView::new(random_camera(32, 24)))
+}
+
+/// Not a real image, or none if `handle` is 0: nothing is recorded with it.
+fn region(handle: u64, format: vk::Format) -> ImageRegion {
+    ImageRegion::of(vk::Image::from_raw(handle), format, vk::ImageLayout::GENERAL)
+}
+
+fn imaged(format: vk::Format) -> Pixels {
+    Pixels::Image(region(0, format))
+}
+
+#[track_caller]
+fn assert_refused<T: std::fmt::Debug>(result: glint::Result<T>, words: &str) {
+    match result {
+        Err(Error::Usage(message)) => assert!(message.contains(words), "{message} lacks {words}"),
+        other => panic!("{other:?}, expected a refusal that says {words}"),
+    }
+}
+
+#[track_caller]
+fn refuse(frames: &mut Frames, commands: vk::CommandBuffer, frame: &Frame<'_>, words: &str) {
+    assert_refused(unsafe { frames.record(commands, frame) }, words);
+    assert!(frames.report(0).is_err());
+}
+
 #[test]
-fn what_cannot_be_is_refused_and_records_nothing() {
+fn frames_beyond_their_limits_or_of_another_context_are_refused() {
     let gpu = Gpu::new();
-    let (scene, camera) = (random_scene(7, 100, 20, 1), random_camera(32, 24));
-    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let (scene, model, view) = small(&gpu);
     let mut frames = Frames::new(&gpu, Limits::of(&model, 32, 24)).unwrap();
     let engine = Engine::new(&gpu, 1);
-    let float = Float::new(&gpu, 32 * 24);
-    let view = FrameView::new(camera);
-    let own = Instance::of(&model);
     let nothing = engine.begin(0);
+    let own = Instance::of(&model);
     let mut refused = |slot, instances: &[Instance<'_>], view: FrameView, words: &str| {
-        let frame = Frame { slot, instances, views: &[view] };
-        match unsafe { frames.record(nothing, &frame) } {
-            Err(Error::Usage(message)) => assert!(message.contains(words), "{message} lacks {words}"),
-            other => panic!("{other:?}, expected a refusal that says {words}"),
-        }
-        assert!(frames.report(0).is_err());
+        refuse(&mut frames, nothing, &Frame { slot, instances, views: &[view] }, words);
     };
-    let sized = |width, height| FrameView { camera: Camera { width, height, ..camera }, ..view };
+    let sized = |width, height| FrameView { camera: Camera { width, height, ..view.camera }, ..view };
     refused(0, &[own], sized(2048, 2048), "2048 pixels in a row, made for 32");
     refused(0, &[own], sized(32, 25), "25 rows");
     refused(0, &[own], sized(0, 24), "above 0");
@@ -43,108 +65,127 @@ fn what_cannot_be_is_refused_and_records_nothing() {
     refused(0, &[transform(Transform { scale: f64::NAN, ..Transform::IDENTITY })], view, "finite");
     let long = DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0);
     refused(0, &[transform(Transform { rotation: long, ..Transform::IDENTITY })], view, "unit length");
-    refused(0, &[own], FrameView { near: 0.0, ..view }, "near plane");
-    for camera in [
-        Camera { width: 0, ..view.camera },
-        Camera { height: 0, ..view.camera },
-        Camera { fx: 0.0, ..view.camera },
-        Camera { fy: 0.0, ..view.camera },
-        Camera { cx: f64::NAN, ..view.camera },
-    ] {
-        refused(0, &[own], FrameView { camera, ..view }, "focal lengths");
-    }
-    refused(0, &[own], FrameView { near: f64::INFINITY, ..view }, "finite");
-    refused(0, &[own], FrameView { camera: Camera { fx: -1.0, ..camera }, ..view }, "focal");
-    let target = float.target(Blend::Premultiplied);
-    refused(0, &[own], FrameView { color: Some(target), ..view }, "4 words for a texel, made for 2");
-    let pixels = Some(target.pixels);
-    refused(0, &[own], FrameView { depth_in: pixels, ..view }, "without depth_in");
-    refused(0, &[own], FrameView { depth_out: pixels, ..view }, "without depth_out");
-    refused(0, &[own], FrameView { ids: pixels, ..view }, "without depth_out");
-    let small = Target { texel: Texel::Rgba8, exposure: f32::NAN, ..target };
-    refused(0, &[own], FrameView { color: Some(small), ..view }, "exposure");
-    for channel in [f32::NAN, f32::INFINITY, -0.1] {
-        let blend = Blend::Opaque([0.5, channel, 0.5]);
-        let color = Some(Target { blend, exposure: 1.0, ..small });
-        refused(0, &[own], FrameView { color, ..view }, "a background of");
-    }
-    refused(0, &[own], FrameView { camera: Camera { rotation: 2.0 * DMat3::IDENTITY, ..camera }, ..view }, "rotation");
-    let sheared = DMat3::from_diagonal(DVec3::new(1.0, 1.01, 1.0)) * camera.rotation;
-    refused(0, &[own], FrameView { camera: Camera { rotation: sheared, ..camera }, ..view }, "rotation is none");
-    refused(0, &[own], FrameView { depth_form: DepthForm { a: 1.0, b: 0.0 }, ..view }, "depths that differ");
-    let odd = BufferRange { buffer: float.0.raw().handle(), offset: 2 };
-    let odd = Target { pixels: Pixels::Buffer(odd), exposure: 1.0, ..small };
-    refused(0, &[own], FrameView { color: Some(odd), ..view }, "multiple of 4");
-    let imaged = |format| Pixels::Image(ImageRegion::of(vk::Image::null(), format, vk::ImageLayout::GENERAL));
-    let of = |format, texel| Some(Target::new(imaged(format), texel));
-    let color = of(vk::Format::B8G8R8A8_UNORM, Texel::Rgba8);
-    refused(0, &[own], FrameView { color, ..view }, "format B8G8R8A8_UNORM, whose texels are not Rgba8");
-    let color = of(vk::Format::R16_UNORM, Texel::Rgba16F);
-    refused(0, &[own], FrameView { color, ..view }, "format R16_UNORM");
-    // Missing targets, impossible copies, and copies with another meaning.
-    let small = Target { exposure: 1.0, ..small };
-    let to = |pixels| Some(Target { pixels, ..small });
-    refused(0, &[own], FrameView { color: to(imaged(vk::Format::R8G8B8A8_UNORM)), ..view }, "an image that is null");
-    let nowhere = Pixels::Buffer(BufferRange { buffer: vk::Buffer::null(), offset: 0 });
-    refused(0, &[own], FrameView { color: to(nowhere), ..view }, "a buffer that is null");
-    // Not a real image: nothing is recorded with it.
-    let some = vk::Image::from_raw(1);
-    let region = ImageRegion::of(some, vk::Format::R8G8B8A8_SRGB, vk::ImageLayout::GENERAL);
-    let srgb = |light, blend| Some(Target { pixels: Pixels::Image(region), light, blend, ..small });
-    refused(0, &[own], FrameView { color: srgb(Light::Linear, small.blend), ..view }, "holds encoded values");
-    let placed = |layout, offset| Pixels::Image(ImageRegion { layout, offset, ..region });
-    let undefined = placed(vk::ImageLayout::UNDEFINED, [0; 2]);
-    refused(
-        0,
-        &[own],
-        FrameView { color: to(undefined), ..view },
-        "in layout UNDEFINED, expected one of [GENERAL, TRANSFER_DST",
-    );
-    let read = placed(vk::ImageLayout::TRANSFER_SRC_OPTIMAL, [0; 2]);
-    refused(0, &[own], FrameView { color: to(read), ..view }, "layout TRANSFER_SRC_OPTIMAL");
-    let written = placed(vk::ImageLayout::TRANSFER_DST_OPTIMAL, [0; 2]);
-    let over = Some(Target { pixels: written, blend: Blend::Over, ..small });
-    refused(0, &[own], FrameView { color: over, ..view }, "expected one of [GENERAL, SHARED_PRESENT_KHR]");
-    let outside = placed(vk::ImageLayout::GENERAL, [3, -1]);
-    refused(0, &[own], FrameView { color: to(outside), ..view }, "a corner at [3, -1]");
     let other = Gpu::new();
     let foreign = Model::upload(&other, &scene, 0).unwrap();
     refused(0, &[Instance::of(&foreign)], view, "another context");
-    let null = Frame { slot: 0, instances: &[own], views: &[view] };
-    let said = unsafe { frames.record(vk::CommandBuffer::null(), &null) }.unwrap_err().to_string();
-    assert!(said.contains("command buffer that is null"), "{said}");
+    let frame = Frame { slot: 0, instances: &[own], views: &[view] };
+    refuse(&mut frames, vk::CommandBuffer::null(), &frame, "command buffer that is null");
     let mut elsewhere = other.recorder("elsewhere").unwrap();
-    let said = unsafe { frames.record_into(&mut elsewhere, &null) }.unwrap_err().to_string();
-    assert!(said.contains("a recorder of another context") && elsewhere.finish().is_empty(), "{said}");
-    // Other texels would be misread as depths or numbers.
-    let limits = Limits { depth_in: true, depth_out: true, ..Limits::of(&model, 32, 24) };
-    let mut deep = Frames::new(&gpu, limits).unwrap();
+    assert_refused(unsafe { frames.record_into(&mut elsewhere, &frame) }, "a recorder of another context");
+    assert!(elsewhere.finish().is_empty());
+    engine.submit(0);
+}
+
+#[test]
+fn views_that_no_camera_has_are_refused() {
+    let gpu = Gpu::new();
+    let (_, model, view) = small(&gpu);
+    let mut frames = Frames::new(&gpu, Limits::of(&model, 32, 24)).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let nothing = engine.begin(0);
+    let seen_by = |camera| FrameView { camera, ..view };
+    let camera = view.camera;
+    let sheared = DMat3::from_diagonal(DVec3::new(1.0, 1.01, 1.0)) * camera.rotation;
+    for (view, words) in [
+        (FrameView { near: 0.0, ..view }, "near plane"),
+        (FrameView { near: f64::INFINITY, ..view }, "finite"),
+        (seen_by(Camera { width: 0, ..camera }), "focal lengths"),
+        (seen_by(Camera { height: 0, ..camera }), "focal lengths"),
+        (seen_by(Camera { fx: 0.0, ..camera }), "focal lengths"),
+        (seen_by(Camera { fy: 0.0, ..camera }), "focal lengths"),
+        (seen_by(Camera { cx: f64::NAN, ..camera }), "focal lengths"),
+        (seen_by(Camera { fx: -1.0, ..camera }), "focal"),
+        (seen_by(Camera { rotation: 2.0 * DMat3::IDENTITY, ..camera }), "rotation"),
+        (seen_by(Camera { rotation: sheared, ..camera }), "rotation is none"),
+        (FrameView { depth_form: DepthForm { a: 1.0, b: 0.0 }, ..view }, "depths that differ"),
+    ] {
+        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+        refuse(&mut frames, nothing, &frame, words);
+    }
+    engine.submit(0);
+}
+
+#[test]
+fn targets_that_cannot_take_the_colors_are_refused() {
+    let gpu = Gpu::new();
+    let (_, model, view) = small(&gpu);
+    let mut frames = Frames::new(&gpu, Limits::of(&model, 32, 24)).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let nothing = engine.begin(0);
     let mut refused = |view: FrameView, words: &str| {
-        let frame = Frame { slot: 0, instances: &[own], views: &[view] };
-        let said = unsafe { deep.record(nothing, &frame) }.unwrap_err().to_string();
-        assert!(said.contains(words) && deep.report(0).is_err(), "{said} lacks {words}");
+        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+        refuse(&mut frames, nothing, &frame, words);
+    };
+    let float = Float::new(&gpu, 32 * 24);
+    let target = float.target(Blend::Premultiplied);
+    let pixels = Some(target.pixels);
+    refused(FrameView { depth_in: pixels, ..view }, "without depth_in");
+    refused(FrameView { depth_out: pixels, ..view }, "without depth_out");
+    refused(FrameView { ids: pixels, ..view }, "without depth_out");
+    let mut refused = |target, words: &str| refused(FrameView { color: Some(target), ..view }, words);
+    refused(target, "4 words for a texel, made for 2");
+    let small = Target { texel: Texel::Rgba8, ..target };
+    refused(Target { exposure: f32::NAN, ..small }, "exposure");
+    for channel in [f32::NAN, f32::INFINITY, -0.1] {
+        refused(Target { blend: Blend::Opaque([0.5, channel, 0.5]), ..small }, "a background of");
+    }
+    let odd = BufferRange { buffer: float.0.raw().handle(), offset: 2 };
+    refused(Target { pixels: Pixels::Buffer(odd), ..small }, "multiple of 4");
+    let of = |format, texel| Target::new(imaged(format), texel);
+    let said = "format B8G8R8A8_UNORM, whose texels are not Rgba8";
+    refused(of(vk::Format::B8G8R8A8_UNORM, Texel::Rgba8), said);
+    refused(of(vk::Format::R16_UNORM, Texel::Rgba16F), "format R16_UNORM");
+    // Missing targets, impossible copies, and copies with another meaning.
+    let to = |pixels| Target { pixels, ..small };
+    refused(to(imaged(vk::Format::R8G8B8A8_UNORM)), "an image that is null");
+    let nowhere = BufferRange { buffer: vk::Buffer::null(), offset: 0 };
+    refused(to(Pixels::Buffer(nowhere)), "a buffer that is null");
+    let region = region(1, vk::Format::R8G8B8A8_SRGB);
+    refused(Target { light: Light::Linear, ..to(Pixels::Image(region)) }, "holds encoded values");
+    let placed = |layout, offset| to(Pixels::Image(ImageRegion { layout, offset, ..region }));
+    let said = "in layout UNDEFINED, expected one of [GENERAL, TRANSFER_DST";
+    refused(placed(vk::ImageLayout::UNDEFINED, [0; 2]), said);
+    refused(placed(vk::ImageLayout::TRANSFER_SRC_OPTIMAL, [0; 2]), "layout TRANSFER_SRC_OPTIMAL");
+    let over = Target { blend: Blend::Over, ..placed(vk::ImageLayout::TRANSFER_DST_OPTIMAL, [0; 2]) };
+    refused(over, "expected one of [GENERAL, SHARED_PRESENT_KHR]");
+    refused(placed(vk::ImageLayout::GENERAL, [3, -1]), "a corner at [3, -1]");
+    engine.submit(0);
+}
+
+/// Other texels would be misread as depths or numbers.
+#[test]
+fn depths_and_numbers_in_other_texels_are_refused() {
+    let gpu = Gpu::new();
+    let (_, model, view) = small(&gpu);
+    let limits = Limits { depth_in: true, depth_out: true, ..Limits::of(&model, 32, 24) };
+    let mut frames = Frames::new(&gpu, limits).unwrap();
+    let engine = Engine::new(&gpu, 1);
+    let nothing = engine.begin(0);
+    let mut refused = |view: FrameView, words: &str| {
+        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
+        refuse(&mut frames, nothing, &frame, words);
     };
     for format in
         [vk::Format::D16_UNORM, vk::Format::X8_D24_UNORM_PACK32, vk::Format::D24_UNORM_S8_UINT, vk::Format::R32_UINT]
     {
-        refused(
-            FrameView { depth_in: Some(imaged(format)), ..view },
-            "for depths that hide Gaussians, expected one of [D32",
-        );
-        refused(FrameView { depth_out: Some(imaged(format)), ..view }, "for depths of Gaussians, expected one of [D32");
+        let pixels = Some(imaged(format));
+        refused(FrameView { depth_in: pixels, ..view }, "for depths that hide Gaussians, expected one of [D32");
+        refused(FrameView { depth_out: pixels, ..view }, "for depths of Gaussians, expected one of [D32");
     }
     refused(FrameView { ids: Some(imaged(vk::Format::R32_SFLOAT)), ..view }, "expected one of [R32_UINT]");
-    let nothing_in = |format| {
-        Some(Pixels::Image(ImageRegion {
-            layout: vk::ImageLayout::UNDEFINED,
-            ..ImageRegion::of(some, format, vk::ImageLayout::GENERAL)
-        }))
-    };
+    let nothing_in =
+        |format| Some(Pixels::Image(ImageRegion { layout: vk::ImageLayout::UNDEFINED, ..region(1, format) }));
     let depths = nothing_in(vk::Format::D32_SFLOAT);
     refused(FrameView { depth_in: depths, ..view }, "depths that hide Gaussians: an image in layout UNDEFINED");
     refused(FrameView { depth_out: depths, ..view }, "depths of Gaussians: an image in layout UNDEFINED");
     refused(FrameView { ids: nothing_in(vk::Format::R32_UINT), ..view }, "numbers of Gaussians: an image in layout");
     engine.submit(0);
+}
+
+#[test]
+fn limits_that_no_device_has_are_refused() {
+    let gpu = Gpu::new();
+    let (scene, model, _) = small(&gpu);
     let fits = Limits::of(&model, 32, 24);
     for (limits, words) in [
         (Limits { width: 0, ..fits.clone() }, "0 width"),
@@ -159,13 +200,8 @@ fn what_cannot_be_is_refused_and_records_nothing() {
         (Limits { views: u32::MAX, instances: u32::MAX, ..fits.clone() }, "too many"),
         (Limits { in_flight: 65, ..fits.clone() }, "65 slots"),
     ] {
-        let refusals = [limits.plan(gpu.info()).map(drop), Frames::new(&gpu, limits.clone()).map(drop)];
-        for refusal in refusals {
-            match refusal {
-                Err(Error::Usage(message)) => assert!(message.contains(words), "{message} lacks {words}"),
-                other => panic!("{other:?}, expected a refusal that says {words}"),
-            }
-        }
+        assert_refused(limits.plan(gpu.info()).map(drop), words);
+        assert_refused(Frames::new(&gpu, limits).map(drop), words);
     }
     // Sizes that can be counted but exceed every device are refused by the device; the plan gives the size.
     let most =
