@@ -345,33 +345,22 @@ fn rendered(folder: &Path, arguments: &str) -> PathBuf {
     out
 }
 
-#[test]
-fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
-    let (work, scene) = work();
-    let folder = work.path();
-    let display = Display::new();
-    let mut viewer = Viewer::new(&display, folder, "view scene.ply data");
-    // The first photograph is for testing, and its size is the window's.
-    viewer.says("scene | augmented | orbit | a.png");
-    viewer.says("400 + 200 Gaussians");
-    // The memory is the planned size of the scene and of its renderer for a window of this size.
-    let context = Context::new(&ContextOptions::from_env()).unwrap();
-    let mut needs = Needs::of_scene(&scene, false);
+/// The memory in the title is the planned size of the scene and of its renderer for a window of this size.
+fn check_memory(viewer: &Viewer<'_>, context: &Context, scene: &Scene) {
+    let mut needs = Needs::of_scene(scene, false);
     // The diffuse mode is the base without bands.
     needs.degrees.push(0);
     let frames =
         Limits { texel: Texel::Rgba8, ..Limits::for_needs(needs, WIDTH, HEIGHT) }.plan(context.info()).unwrap();
-    let planned = (Model::plan(context.info(), &scene, Room::default()).bytes() + frames.bytes()) as f64 / 1e6;
-    let title = display.title(viewer.window);
+    let planned = (Model::plan(context.info(), scene, Room::default()).bytes() + frames.bytes()) as f64 / 1e6;
+    let title = viewer.display.title(viewer.window);
     let said = title.split(" | ").find_map(|part| part.strip_suffix(" MB")?.parse::<f64>().ok());
     // Printed with one decimal; reports and placeholders of unused bindings are a few KB.
     assert!(planned > 0.5 && said.is_some_and(|mb| (mb - planned).abs() < 0.06), "{planned} MB planned: {title}");
+}
 
-    // Cycles through the photographs' cameras, in all modes.
-    display.press('p');
-    viewer.says("| c.png");
-    display.press('p');
-    viewer.says("| b.png");
+/// Shows the scene in all its modes, from the photograph `b.png`. Each equals what `glint render` writes.
+fn every_mode(viewer: &mut Viewer<'_>) -> Vec<Shot> {
     let parts = [
         ('2', "augmented", "scene.ply data --what color"),
         ('3', "base", "scene.ply data --what base"),
@@ -382,10 +371,10 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     ];
     let mut shots = Vec::new();
     for (key, name, arguments) in parts {
-        display.press(key);
+        viewer.display.press(key);
         viewer.says(&format!("| {name} |"));
         let shot = viewer.shot("scene");
-        let expected = Shot::read(&rendered(folder, &format!("{arguments} --split all")).join("b.png"));
+        let expected = Shot::read(&rendered(viewer.folder, &format!("{arguments} --split all")).join("b.png"));
         // The same kernels on the same device give the same bits. Only a depth is rounded once more, by its
         // reciprocal: its grey may be the next byte if it is between two.
         let (most, count) = shot.from(&expected);
@@ -394,6 +383,49 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
         assert!(!shots.contains(&shot), "{name} is like another");
         shots.push(shot);
     }
+    shots
+}
+
+/// `glint render` draws the three poses of the recorded path as the viewer showed them: closer to a photograph's
+/// target, after a flight, and after a walk.
+fn check_path(folder: &Path, on_the_way: &[Shot]) {
+    let frames = rendered(folder, "scene.ply --path scene-path-1.json --frames 3");
+    for (i, shot) in on_the_way.iter().enumerate() {
+        let (most, count) = shot.from(&Shot::read(&frames.join(format!("frame-{:05}.png", i + 1))));
+        // The pose is written as a quaternion, whose rotation differs in float64's last bits, and coordinates
+        // may have another origin: float32 rounds differently, and a byte may be the next.
+        assert!(most <= 1 && count <= shot.rgb.len() / 500, "pose {i}: {most}, {count}");
+        assert!(!on_the_way[..i].contains(shot));
+    }
+    let path = CameraPath::read(folder.join("scene-path-1.json")).unwrap().frames(3);
+    let eyes = [path[0].eye(), path[1].eye(), path[2].eye()];
+    // The wheel went closer to the cameras' target, near the origin, and walking kept the height. winit 0.30
+    // counts a wheel made only of buttons, like XTEST's, as two notches: one on press, one on release.
+    let nearer = camera(0.2).eye().length() / eyes[0].length();
+    assert!((nearer / 1.15 - 1.0).abs() < 0.05 || (nearer / 1.15 / 1.15 - 1.0).abs() < 0.05, "{eyes:?}");
+    assert!(eyes[1].distance(eyes[0]) > 0.01 && eyes[2].distance(eyes[1]) > 0.01);
+    let up = -(0..3).map(|i| camera(0.2 * f64::from(i)).rotation.row(1)).sum::<DVec3>().normalize();
+    assert!((eyes[2] - eyes[1]).dot(up).abs() < 1e-6, "{eyes:?}");
+}
+
+#[test]
+fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
+    let (work, scene) = work();
+    let folder = work.path();
+    let display = Display::new();
+    let mut viewer = Viewer::new(&display, folder, "view scene.ply data");
+    // The first photograph is for testing, and its size is the window's.
+    viewer.says("scene | augmented | orbit | a.png");
+    viewer.says("400 + 200 Gaussians");
+    let context = Context::new(&ContextOptions::from_env()).unwrap();
+    check_memory(&viewer, &context, &scene);
+
+    // Cycles through the photographs' cameras, in all modes.
+    display.press('p');
+    viewer.says("| c.png");
+    display.press('p');
+    viewer.says("| b.png");
+    let shots = every_mode(&mut viewer);
     display.press('1');
     viewer.says("| photograph |");
     let photo = Shot::read(&folder.join("data/images/b.png"));
@@ -444,23 +476,8 @@ fn a_scene_is_looked_at_in_all_its_parts_from_wherever_mouse_and_keys_lead() {
     display.press('k');
     display.input(KEY[1], shift, 0, 0);
     viewer.says("scene-path-1.json: 3 poses");
-    let frames = rendered(folder, "scene.ply --path scene-path-1.json --frames 3");
-    for (i, shot) in on_the_way.iter().enumerate() {
-        let (most, count) = shot.from(&Shot::read(&frames.join(format!("frame-{:05}.png", i + 1))));
-        // The pose is written as a quaternion, whose rotation differs in float64's last bits, and coordinates
-        // may have another origin: float32 rounds differently, and a byte may be the next.
-        assert!(most <= 1 && count <= shot.rgb.len() / 500, "pose {i}: {most}, {count}");
-        assert!(!shots.contains(shot) && !on_the_way[..i].contains(shot));
-    }
-    let path = CameraPath::read(folder.join("scene-path-1.json")).unwrap().frames(3);
-    let eyes = [path[0].eye(), path[1].eye(), path[2].eye()];
-    // The wheel went closer to the cameras' target, near the origin, and walking kept the height. winit 0.30
-    // counts a wheel made only of buttons, like XTEST's, as two notches: one on press, one on release.
-    let nearer = camera(0.2).eye().length() / eyes[0].length();
-    assert!((nearer / 1.15 - 1.0).abs() < 0.05 || (nearer / 1.15 / 1.15 - 1.0).abs() < 0.05, "{eyes:?}");
-    assert!(eyes[1].distance(eyes[0]) > 0.01 && eyes[2].distance(eyes[1]) > 0.01);
-    let up = -(0..3).map(|i| camera(0.2 * f64::from(i)).rotation.row(1)).sum::<DVec3>().normalize();
-    assert!((eyes[2] - eyes[1]).dot(up).abs() < 1e-6, "{eyes:?}");
+    check_path(folder, &on_the_way);
+    assert!(on_the_way.iter().all(|shot| !shots.contains(shot)));
 
     // Another size: the same camera, with more around it.
     display.press('r');

@@ -132,11 +132,9 @@ fn depths_and_numbers_come_out_in_the_form_that_was_asked_for() {
                 // The tolerance of depths in `verify`: a flat Gaussian's ray has few digits.
                 let (want, off) = (depth(scale * z, [form.a, form.b]), 1e-3 * (form.b / (scale * z)).abs());
                 assert!((got - want).abs() < off, "{what}, scale {scale}, pixel {pixel}: {got} {want}");
-                [f64::from(form.empty()), 1.0 - f64::from(form.empty())].iter().zip(&mut beyond).for_each(
-                    |(end, count)| {
-                        *count += usize::from(got == *end);
-                    },
-                );
+                for (end, count) in [form.empty(), 1.0 - form.empty()].into_iter().zip(&mut beyond) {
+                    *count += usize::from(got == f64::from(end));
+                }
             }
         }
         assert!(seen > 500 && nothing > 100, "{seen} {nothing}");

@@ -220,6 +220,35 @@ fn triangle(eye: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
 }
 
+/// The shared library exports exactly the functions of the header, and the header's barriers equal the Rust
+/// side's.
+fn check_header(installed: &Path) {
+    let header = fs::read_to_string(within("src/c/glint.h")).unwrap();
+    let listed = done(Command::new("nm").args(["-D", "--defined-only"]).arg(installed.join("lib/libglint.so")));
+    let exported: BTreeSet<&str> = listed
+        .lines()
+        .filter_map(|line| line.split_whitespace().last())
+        .filter(|name| name.starts_with("glint_"))
+        .collect();
+    let declared: BTreeSet<&str> = header
+        .lines()
+        .filter(|line| {
+            line.contains("(") && !line.starts_with(' ') && !line.starts_with("/*") && !line.starts_with('#')
+        })
+        .filter_map(|line| line.split('(').next()?.rsplit([' ', '*']).next())
+        .filter(|name| name.starts_with("glint_"))
+        .collect();
+    assert_eq!(exported, declared);
+    for (name, (stage, access)) in [("READ", SYNC_READ), ("WRITTEN", SYNC_WRITTEN)] {
+        for line in [
+            format!("#define GLINT_SYNC_{name}_STAGE VK_PIPELINE_STAGE_{stage:?}_BIT"),
+            format!("#define GLINT_SYNC_{name}_ACCESS VK_ACCESS_{access:?}_BIT"),
+        ] {
+            assert!(header.lines().any(|l| l == line), "{line}");
+        }
+    }
+}
+
 #[test]
 fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     let case = Case::new();
@@ -253,32 +282,7 @@ fn a_program_in_c_draws_what_rust_draws_to_the_last_bit() {
     done(compile.arg(format!("-Wl,-rpath,{}", installed.join("lib").display())).arg("-o").arg(&program));
     assert!(done(Command::new("ldd").arg(&program)).contains("libglint.so => "));
     assert!(case.words(&program, &[]) == got, "the shared library draws another frame");
-    // The shared library exports exactly the functions of the header.
-    let header = fs::read_to_string(within("src/c/glint.h")).unwrap();
-    let listed = done(Command::new("nm").args(["-D", "--defined-only"]).arg(installed.join("lib/libglint.so")));
-    let exported: BTreeSet<&str> = listed
-        .lines()
-        .filter_map(|line| line.split_whitespace().last())
-        .filter(|name| name.starts_with("glint_"))
-        .collect();
-    let declared: BTreeSet<&str> = header
-        .lines()
-        .filter(|line| {
-            line.contains("(") && !line.starts_with(' ') && !line.starts_with("/*") && !line.starts_with('#')
-        })
-        .filter_map(|line| line.split('(').next()?.rsplit([' ', '*']).next())
-        .filter(|name| name.starts_with("glint_"))
-        .collect();
-    assert_eq!(exported, declared);
-    // The header's barriers equal the Rust side's.
-    for (name, (stage, access)) in [("READ", SYNC_READ), ("WRITTEN", SYNC_WRITTEN)] {
-        for line in [
-            format!("#define GLINT_SYNC_{name}_STAGE VK_PIPELINE_STAGE_{stage:?}_BIT"),
-            format!("#define GLINT_SYNC_{name}_ACCESS VK_ACCESS_{access:?}_BIT"),
-        ] {
-            assert!(header.lines().any(|l| l == line), "{line}");
-        }
-    }
+    check_header(&installed);
 
     let gpu = Gpu::new();
     let views = Views::upload(&gpu, &[case.camera], &[]).unwrap();
