@@ -20,7 +20,7 @@ use glam::{DMat3, DVec3};
 use glint::{
     Error, Result,
     data::{Dataset, DatasetOptions, read_scene},
-    gpu::{Buffer, BufferRange, Context, ContextOptions, Location, Pixels},
+    gpu::{Buffer, BufferRange, Context, ContextOptions, Location, Pixels, StageTime},
     pipelines::{
         frames::{Blend, Frame, FrameView, Frames, Instance, Limits, Target, Texel},
         model::{Model, Room},
@@ -31,6 +31,7 @@ use glint::{
     report::table::{Cell, Column, Table},
     scene::{Camera, Scene, color, layout::sh_planes},
 };
+use serde::Serialize;
 use serde_json::json;
 
 /// Frames in flight.
@@ -130,6 +131,57 @@ fn copy_rate(context: &Context) -> Result<f64> {
     Ok(2.0 * COPIED as f64 / median(seconds))
 }
 
+/// Camera of view `v` in frame `n`.
+fn seen_from(camera: &Camera, n: u32, v: u32) -> Camera {
+    let turn = DMat3::from_rotation_y(f64::from(n) * 1e-3);
+    let mut translation = turn * camera.translation;
+    translation.x -= f64::from(v) * APART;
+    Camera { rotation: turn * camera.rotation, translation, ..*camera }
+}
+
+/// Times of a stage in a frame, milliseconds.
+#[derive(Serialize)]
+struct Stage {
+    stage: &'static str,
+    calls: u32,
+    ms: f64,
+    /// Time to copy the bytes that it reads and writes.
+    floor_ms: Option<f64>,
+}
+
+/// Stages of a frame, the longest first. `rate` is that of copies, bytes per second.
+fn by_stage(times: &[StageTime], bytes: &Bytes<'_>, rate: f64) -> Vec<Stage> {
+    let mut stages: BTreeMap<&str, (u32, f64)> = BTreeMap::new();
+    for stage in times {
+        let entry = stages.entry(stage.name).or_default();
+        entry.0 += 1;
+        entry.1 += stage.time.as_secs_f64() * 1e3;
+    }
+    let floor = |stage| bytes.of(stage).map(|bytes| 1e3 * bytes / rate);
+    let stages = stages.into_iter();
+    let mut rows: Vec<_> =
+        stages.map(|(stage, (calls, ms))| Stage { stage, calls, ms, floor_ms: floor(stage) }).collect();
+    rows.sort_by(|a, b| b.ms.total_cmp(&a.ms));
+    rows
+}
+
+/// Table of the stages; together they take `device` ms.
+fn table(stages: &[Stage], device: f64) -> Table {
+    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
+    let mut table = Table::new(vec![
+        column("stage", "stage", "", 0),
+        column("calls", "calls", "", 0),
+        column("ms", "device time", "ms", 3),
+        column("floor", "bytes alone", "ms", 3),
+        column("share", "share", "%", 1),
+    ]);
+    for &Stage { stage, calls, ms, floor_ms } in stages {
+        let share = 100.0 * ms / device.max(1e-9);
+        table.row(vec![stage.into(), Cell::Number(calls.into()), ms.into(), floor_ms.into(), share.into()]);
+    }
+    table
+}
+
 fn run(args: &Args) -> Result<()> {
     let context = Context::new(&ContextOptions { device: args.device.clone(), ..Default::default() })?;
     let (scene, camera) = scene_of(args)?;
@@ -156,10 +208,6 @@ fn run(args: &Args) -> Result<()> {
     let targets: Vec<_> = targets.collect::<std::result::Result<_, _>>()?;
     let engine = Engine::new(&context, SLOTS);
     let instances = [Instance { degree, ..Instance::of(&model) }];
-    let seen_from = |n: u32| {
-        let turn = DMat3::from_rotation_y(f64::from(n) * 1e-3);
-        Camera { rotation: turn * camera.rotation, translation: turn * camera.translation, ..camera }
-    };
     let mut record = |n: u32| -> Result<()> {
         let slot = n % SLOTS;
         let commands = engine.begin(slot);
@@ -167,9 +215,7 @@ fn run(args: &Args) -> Result<()> {
             let offset = u64::from(v) * 16 * pixels as u64;
             let range = BufferRange { buffer: targets[slot as usize].raw().handle(), offset };
             let color = Target { blend: Blend::Opaque([0.0; 3]), ..Target::new(Pixels::Buffer(range), Texel::Rgba32F) };
-            let mut camera = seen_from(n);
-            camera.translation.x -= f64::from(v) * APART;
-            FrameView { color: Some(color), ..FrameView::new(camera) }
+            FrameView { color: Some(color), ..FrameView::new(seen_from(&camera, n, v)) }
         };
         let views: Vec<_> = (0..args.views).map(view).collect();
         // SAFETY: the engine has waited for the slot; its buffers are live and as large as the view.
@@ -201,24 +247,10 @@ fn run(args: &Args) -> Result<()> {
     let rate = copy_rate(&context)?;
     let bytes =
         Bytes { args, model: &model, degree, visible: report.visible.into(), isects: report.intersections.into() };
-    let mut stages: BTreeMap<&str, (u32, f64)> = BTreeMap::new();
-    for stage in &times {
-        let entry = stages.entry(stage.name).or_default();
-        entry.0 += 1;
-        entry.1 += stage.time.as_secs_f64() * 1e3;
-    }
-    let mut rows: Vec<_> = stages
-        .into_iter()
-        .map(|(name, (calls, ms))| (name, calls, ms, bytes.of(name).map(|bytes| 1e3 * bytes / rate)))
-        .collect();
-    rows.sort_by(|a, b| b.2.total_cmp(&a.2));
-    let device: f64 = rows.iter().map(|row| row.2).sum();
+    let stages = by_stage(&times, &bytes, rate);
+    let device: f64 = stages.iter().map(|stage| stage.ms).sum();
     let memory = (frames.limits().plan(context.info())?.bytes(), model.capacity());
     if args.json {
-        let stages: Vec<_> = rows
-            .iter()
-            .map(|(name, calls, ms, floor)| json!({"stage": name, "calls": calls, "ms": ms, "floor_ms": floor}))
-            .collect();
         let report = json!({
             "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(), "width": width,
             "height": height, "views": args.views, "sh_degree": degree, "half": args.half, "lobes": args.lobes, "visible": report.visible,
@@ -244,24 +276,7 @@ fn run(args: &Args) -> Result<()> {
         memory.0 as f64 / 1e6,
         rate / 1e9,
     );
-    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
-    let mut table = Table::new(vec![
-        column("stage", "stage", "", 0),
-        column("calls", "calls", "", 0),
-        column("ms", "device time", "ms", 3),
-        column("floor", "bytes alone", "ms", 3),
-        column("share", "share", "%", 1),
-    ]);
-    for (name, calls, ms, floor) in rows {
-        table.row(vec![
-            name.into(),
-            Cell::Number(calls.into()),
-            ms.into(),
-            floor.into(),
-            (100.0 * ms / device.max(1e-9)).into(),
-        ]);
-    }
-    print!("{table}");
+    print!("{}", table(&stages, device));
     Ok(())
 }
 
