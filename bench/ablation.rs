@@ -47,18 +47,8 @@ use serde_json::{Map, Value, json};
 struct Args {
     /// Folder or JSON file of a dataset; without, the built-in scene
     dataset: Option<PathBuf>,
-    /// A trained base; without, one is trained
-    #[arg(long, value_name = "PLY")]
-    base: Option<PathBuf>,
-    /// Gaussians of a base that is trained
-    #[arg(long, default_value_t = 4000)]
-    gaussians: usize,
-    /// Steps of a base that is trained
-    #[arg(long, default_value_t = 3000)]
-    iterations: u32,
-    /// Keep the trained base here
-    #[arg(long, value_name = "PLY")]
-    keep: Option<PathBuf>,
+    #[command(flatten)]
+    base: BaseArgs,
     #[arg(long, default_value_t = 72)]
     max_size: u32,
     /// Photos to hold out: every Nth, or `sector`; without, as the dataset says
@@ -93,6 +83,22 @@ struct Args {
     /// Given by cargo bench
     #[arg(long, hide = true)]
     bench: bool,
+}
+
+#[derive(clap::Args)]
+struct BaseArgs {
+    /// A trained base; without, one is trained
+    #[arg(long, value_name = "PLY")]
+    base: Option<PathBuf>,
+    /// Gaussians of a base that is trained
+    #[arg(long, default_value_t = 4000)]
+    gaussians: usize,
+    /// Steps of a base that is trained
+    #[arg(long, default_value_t = 3000)]
+    iterations: u32,
+    /// Keep the trained base here
+    #[arg(long, value_name = "PLY")]
+    keep: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -184,16 +190,23 @@ fn set_one(options: &mut EnhanceOptions, key: &str, value: f32) -> bool {
     true
 }
 
+/// Gaussians that a row added or changed.
+#[derive(Default)]
+struct Added {
+    lobes: u32,
+    plain: u32,
+    banded: u32,
+    /// Seconds before the joint phase.
+    place: f64,
+}
+
 /// Results of one row and seed.
 struct Found {
     /// Means over the held-out photos: PSNR in dB, and SSIM, −1 to 1.
     psnr: f64,
     ssim: f64,
-    lobes: u32,
-    plain: u32,
-    banded: u32,
-    /// Seconds before the joint phase, and in total.
-    place: f64,
+    added: Added,
+    /// Seconds in total.
     seconds: f64,
 }
 
@@ -208,13 +221,41 @@ fn by_view(evaluation: &Evaluation) -> Map<String, Value> {
 }
 
 fn train(args: &Args, dataset: &Dataset, session: &Session, views: &Views) -> Result<Scene> {
-    let first = first_points(dataset, Some(args.gaussians), 0);
+    let first = first_points(dataset, Some(args.base.gaussians), 0);
     let base = from_points(&first.cloud.around(glam::DVec3::ZERO), &first.cloud.colors, 3);
     let scene = Scene { base, ..Default::default() };
     let model = Model::upload_around(&session.context, views.origin, &scene, Room::default())?;
-    let options = BaseOptions { iterations: args.iterations, sh_degree: 3, ..Default::default() };
+    let options = BaseOptions { iterations: args.base.iterations, sh_degree: 3, ..Default::default() };
     train_base(session, &model, views, &options, false, |_| ())?;
     model.download()
+}
+
+/// The base as the row `row` augments it; without options, trained longer.
+fn augment(
+    session: &Session,
+    base: &Scene,
+    views: &Views,
+    options: Option<EnhanceOptions>,
+    (row, args): (&str, &Args),
+) -> Result<(Scene, Added)> {
+    let Some(mut options) = options else {
+        let model = Model::upload_around(&session.context, views.origin, base, Room::default())?;
+        join(session, &model, views, &join_all(args)?)?.run(&model, views, false, |_| ())?;
+        return Ok((model.download()?, Added::default()));
+    };
+    if let (Some(share), Method::Pursuit) = (args.byte_ratio, options.method) {
+        let bytes = share * scene_bytes(base) as f64;
+        (options.ratio, options.bytes) = (MOST_BY_BYTES, Some(bytes as u64));
+    }
+    if row == "bands" {
+        options.ratio = 0.0;
+    }
+    let done = enhance(session, base, views, &options, |_| ())?;
+    let plain = done.placed.iter().map(|placed| placed.plain).sum();
+    let times = done.times;
+    let place = (times.base + times.bands + times.place + times.screen + times.lift).as_secs_f64();
+    let added = Added { lobes: done.lifted, plain, banded: done.promotion.gains.len() as u32, place };
+    Ok((done.scene, added))
 }
 
 fn run(args: &Args) -> Result<()> {
@@ -229,11 +270,11 @@ fn run(args: &Args) -> Result<()> {
     let background = [0.0; 3];
     let views = upload_photos(&context, &learned, background, 0, |_, _| ())?;
     let session = |seed| Session { extent: dataset.extent() as f32, background, seed, ..Session::new(&context) };
-    let base = match &args.base {
+    let base = match &args.base.base {
         Some(path) => read_scene(path)?,
         None => train(args, &dataset, &session(0), &views)?,
     };
-    if let Some(path) = &args.keep {
+    if let Some(path) = &args.base.keep {
         write_scene(path, &base)?;
     }
     let before = judge(&session(0), &base, &held)?.augmented;
@@ -257,27 +298,7 @@ fn run(args: &Args) -> Result<()> {
         let mut found = Vec::new();
         for seed in (args.first_seed..).take(args.seeds as usize) {
             let (session, started) = (session(seed), Instant::now());
-            let (scene, lobes, plain, banded, place) = match options {
-                None => {
-                    let model = Model::upload_around(&context, views.origin, &base, Room::default())?;
-                    join(&session, &model, &views, &join_all(args)?)?.run(&model, &views, false, |_| ())?;
-                    (model.download()?, 0, 0, 0, 0.0)
-                }
-                Some(mut options) => {
-                    if let (Some(share), Method::Pursuit) = (args.byte_ratio, options.method) {
-                        let bytes = share * scene_bytes(&base) as f64;
-                        (options.ratio, options.bytes) = (MOST_BY_BYTES, Some(bytes as u64));
-                    }
-                    if row == "bands" {
-                        options.ratio = 0.0;
-                    }
-                    let done = enhance(&session, &base, &views, &options, |_| ())?;
-                    let plain = done.placed.iter().map(|placed| placed.plain).sum();
-                    let times = done.times;
-                    let place = (times.base + times.bands + times.place + times.screen + times.lift).as_secs_f64();
-                    (done.scene, done.lifted, plain, done.promotion.gains.len() as u32, place)
-                }
-            };
+            let (scene, added) = augment(&session, &base, &views, options, (row, args))?;
             let seconds = started.elapsed().as_secs_f64();
             let judged = judge(&session, &scene, &held)?;
             let after = judged.augmented;
@@ -288,13 +309,13 @@ fn run(args: &Args) -> Result<()> {
                     "{}",
                     json!({
                         "name": row, "dataset": name, "seed": seed, "holdout": split, "psnr": after.psnr, "ssim": after.ssim,
-                        "base_psnr": before.psnr, "seconds": seconds, "place_seconds": place, "bytes": bytes,
-                        "gaussians": scene.base.len() + supplement, "steps_per_view": args.steps, "lobes": lobes, "plain": plain, "banded": banded,
-                        "views": by_view(&judged),
+                        "base_psnr": before.psnr, "seconds": seconds, "place_seconds": added.place, "bytes": bytes,
+                        "gaussians": scene.base.len() + supplement, "steps_per_view": args.steps, "lobes": added.lobes, "plain": added.plain,
+                        "banded": added.banded, "views": by_view(&judged),
                     })
                 );
             }
-            found.push(Found { psnr: after.psnr, ssim: after.ssim, lobes, plain, banded, place, seconds });
+            found.push(Found { psnr: after.psnr, ssim: after.ssim, added, seconds });
         }
         let mean = |of: fn(&Found) -> f64| found.iter().map(of).sum::<f64>() / found.len().max(1) as f64;
         let psnr = mean(|f| f.psnr);
@@ -305,10 +326,10 @@ fn run(args: &Args) -> Result<()> {
             psnr - before.psnr,
             mean(|f| f.ssim),
             most - least,
-            mean(|f| f.lobes.into()),
-            mean(|f| f.plain.into()),
-            mean(|f| f.banded.into()),
-            mean(|f| f.place),
+            mean(|f| f.added.lobes.into()),
+            mean(|f| f.added.plain.into()),
+            mean(|f| f.added.banded.into()),
+            mean(|f| f.added.place),
             mean(|f| f.seconds),
         ];
         table.push((row.clone(), row_values));
