@@ -252,7 +252,7 @@ fn run(args: &Args) -> Result<()> {
     let memory = (frames.limits().plan(context.info())?.bytes(), model.capacity());
     if args.json {
         let report = json!({
-            "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(), "width": width,
+            "device": context.info().name, "driver": context.info().driver.version, "gaussians": model.count(), "width": width,
             "height": height, "views": args.views, "sh_degree": degree, "half": args.half, "lobes": args.lobes, "visible": report.visible,
             "intersections": report.intersections, "needed": report.needed, "frames": args.frames, "wall_ms": wall,
             "cpu_ms": cpu, "device_ms": device, "upload_ms": upload, "made_ms": made, "first_ms": first,

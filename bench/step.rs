@@ -134,7 +134,7 @@ fn run(args: &Args) -> Result<()> {
     if args.json {
         let stages: Vec<_> = rows.iter().map(|(n, calls, ms)| json!({"stage": n, "calls": calls, "ms": ms})).collect();
         let report = json!({
-            "device": context.info().name, "driver": context.info().driver, "gaussians": model.count(),
+            "device": context.info().name, "driver": context.info().driver.version, "gaussians": model.count(),
             "views": views.cameras.len(), "width": camera.width, "height": camera.height,
             "sh_degree": args.sh_degree, "tile": session.policy.tile(context.info()).to_string(), "float_atomics": args.atomic, "half": args.half, "steps": args.steps, "wall_ms_per_step": wall,
             "device_ms_per_step": device_ms, "stages": stages,

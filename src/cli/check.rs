@@ -45,7 +45,10 @@ pub(super) fn wrong(context: &Context) -> Result<Option<String>> {
     let stages: BTreeSet<&str> = broken.iter().map(|row| row.stage).collect();
     let (info, stages) = (context.info(), stages.into_iter().collect::<Vec<_>>().join(", "));
     Ok((!broken.is_empty()).then(|| {
-        format!("{} ({}) computes wrongly: {stages} differ from float64 beyond their bounds", info.name, info.driver)
+        format!(
+            "{} ({}) computes wrongly: {stages} differ from float64 beyond their bounds",
+            info.name, info.driver.version
+        )
     }))
 }
 
@@ -59,7 +62,7 @@ fn line_of(context: &Context) -> String {
     let line = format!(
         "{} | {} | {} lanes{} | glint {} {:08x}",
         info.name,
-        info.driver,
+        info.driver.version,
         info.subgroup_size,
         if info.software_subgroups.is_some() { " by software" } else { "" },
         env!("CARGO_PKG_VERSION"),

@@ -69,7 +69,7 @@ impl Args {
                 info.kind.into(),
                 Cell::Count(info.subgroup_size.into()),
                 Cell::Number(info.max_storage_bytes as f64 / f64::from(1 << 20)),
-                info.driver.into(),
+                info.driver.version.into(),
                 notes.into(),
             ]);
         }

@@ -158,9 +158,9 @@ fn described(device: &Listed, taken: Option<usize>) -> Line {
         "{index}: {}, {}; driver {} {}, Vulkan {}; {:.1} GB of memory, buffers of up to {} MiB, {} lanes a subgroup",
         info.name,
         info.kind,
-        info.driver_name,
-        info.driver,
-        info.vulkan,
+        info.driver.name,
+        info.driver.version,
+        info.driver.vulkan,
         info.memory_bytes as f64 / 1e9,
         info.max_storage_bytes >> 20,
         info.subgroup_size

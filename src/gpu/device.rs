@@ -116,6 +116,22 @@ pub enum Reconvergence {
     OneSubgroup,
 }
 
+/// Driver of a physical device.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "train", derive(serde::Serialize))]
+pub struct Driver {
+    /// The driver's own text on its version.
+    #[cfg_attr(feature = "train", serde(rename = "driver"))]
+    pub version: String,
+    /// Name of the driver.
+    #[cfg_attr(feature = "train", serde(rename = "driver_name"))]
+    pub name: String,
+    /// Version of Vulkan, such as 1.3.230.
+    pub vulkan: String,
+    #[cfg_attr(feature = "train", serde(skip))]
+    id: vk::DriverId,
+}
+
 /// Properties of a physical device, and how kernels run on it.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "train", derive(serde::Serialize))]
@@ -143,12 +159,9 @@ pub struct DeviceInfo {
     pub timestamp_period: f32,
     /// True for llvmpipe and other CPU implementations: costs are ALU and dispatch, never bandwidth.
     pub is_cpu: bool,
-    /// The driver's own text on its version.
-    pub driver: String,
-    /// Name of the driver.
-    pub driver_name: String,
-    /// Version of Vulkan, such as 1.3.230.
-    pub vulkan: String,
+    /// Its driver.
+    #[cfg_attr(feature = "train", serde(flatten))]
+    pub driver: Driver,
     /// Bytes of its largest heap of device memory; of a CPU device the host's memory.
     pub memory_bytes: u64,
     /// Set if subgroup operations go through shared memory in software: names the missing need, or that
@@ -189,9 +202,7 @@ pub(super) struct Physical {
     pub memory: vk::PhysicalDeviceMemoryProperties,
     api_version: u32,
     name: String,
-    driver: String,
-    driver_name: String,
-    driver_id: vk::DriverId,
+    driver: Driver,
     pub device_type: vk::PhysicalDeviceType,
     /// The device's own choice if no size is required.
     preferred_lanes: u32,
@@ -318,9 +329,12 @@ impl Physical {
                 memory: instance.get_physical_device_memory_properties(handle),
                 api_version,
                 name: text(p.device_name_as_c_str()),
-                driver: text(driver.driver_info_as_c_str()),
-                driver_name: text(driver.driver_name_as_c_str()),
-                driver_id: driver.driver_id,
+                driver: Driver {
+                    version: text(driver.driver_info_as_c_str()),
+                    name: text(driver.driver_name_as_c_str()),
+                    vulkan: version_text(api_version),
+                    id: driver.driver_id,
+                },
                 device_type: p.device_type,
                 preferred_lanes: subgroup.subgroup_size,
                 subgroup_operations: subgroup.supported_operations.as_raw(),
@@ -399,7 +413,7 @@ impl Physical {
             let own = if self.requires_lanes { "" } else { ", and takes no demand" };
             format!("{wanted} (it offers {least} to {most}{own})")
         })?;
-        let reconvergence = match self.driver_id {
+        let reconvergence = match self.driver.id {
             _ if enabled.contains(&Feature::ShaderMaximalReconvergence) => Reconvergence::Maximal,
             _ if enabled.contains(&Feature::ShaderSubgroupUniformControlFlow) => Reconvergence::SubgroupUniform,
             vk::DriverId::MESA_LLVMPIPE => Reconvergence::Masked,
@@ -456,15 +470,13 @@ impl Physical {
             subgroup_size: lanes,
             subgroup_sizes: self.subgroup_sizes,
             reconvergence: subgroups.map_or(Reconvergence::OneSubgroup, |s| s.reconvergence),
-            lockstep: self.driver_id == vk::DriverId::MESA_LLVMPIPE && !subgroups.is_some_and(|s| s.software),
+            lockstep: self.driver.id == vk::DriverId::MESA_LLVMPIPE && !subgroups.is_some_and(|s| s.software),
             preserves_nan: self.preserves_nan,
             max_workgroup: self.limits.workgroup().min(most) / lanes * lanes,
             max_storage_bytes: storage_bytes,
             timestamp_period: if timestamp_bits > 0 { timestamp_period } else { 0.0 },
             is_cpu: self.device_type == vk::PhysicalDeviceType::CPU,
             driver: self.driver.clone(),
-            driver_name: self.driver_name.clone(),
-            vulkan: version_text(self.api_version),
             memory_bytes: self.memory_bytes(),
             software_subgroups: subgroups.filter(|s| s.software).map(|_| {
                 self.own_subgroups(None, enabled).err().unwrap_or_else(|| "software subgroups were asked for".into())
@@ -598,9 +610,7 @@ mod tests {
             memory: Default::default(),
             api_version: vk::API_VERSION_1_2,
             name: "a device".into(),
-            driver: String::new(),
-            driver_name: String::new(),
-            driver_id: vk::DriverId::default(),
+            driver: Driver::default(),
             device_type: vk::PhysicalDeviceType::DISCRETE_GPU,
             preferred_lanes: 32,
             subgroup_operations: needs::SUBGROUP_OPERATIONS,
@@ -724,8 +734,8 @@ mod tests {
 
     #[test]
     fn lanes_are_kept_together_by_what_the_device_offers_best() {
-        let how = |driver_id, features: &[Feature]| {
-            let p = Physical { driver_id, ..physical() };
+        let how = |id, features: &[Feature]| {
+            let p = Physical { driver: Driver { id, ..Driver::default() }, ..physical() };
             let enabled = features.iter().copied().collect();
             let subgroups = p.check(&wants(None), &enabled).unwrap();
             let info = p.info(Some(subgroups), &enabled, 64);

@@ -22,7 +22,7 @@ mod needs {
 
 pub use ash;
 pub use context::{BorrowedDevice, Context, ContextOptions, Counters, QueueLock};
-pub use device::{DeviceInfo, Limit, Reconvergence, Requirements};
+pub use device::{DeviceInfo, Driver, Limit, Reconvergence, Requirements};
 pub use features::{Feature, FeatureChain};
 pub use half::f16;
 pub use images::{BufferRange, ImageRegion, Pixels};

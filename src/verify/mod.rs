@@ -250,7 +250,7 @@ const COLUMNS: [Column; 10] = [
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let d = &self.device;
-        writeln!(f, "{} ({}), {}, subgroups of {} lanes", d.name, d.kind, d.driver, d.subgroup_size)?;
+        writeln!(f, "{} ({}), {}, subgroups of {} lanes", d.name, d.kind, d.driver.version, d.subgroup_size)?;
         writeln!(
             f,
             "copies {:.1} GB/s, computes {:.1} G multiply-adds/s",
