@@ -495,7 +495,7 @@ fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
             task.photos.len()
         ));
     } else if found.lifted + plain == 0 && found.promotion.gains.is_empty() {
-        let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.below_training_on, p.beyond));
+        let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.candidates.below_training_on, p.candidates.beyond));
         note(match (below, beyond) {
             _ if budget == 0 => "nothing was added: the budget is less than one Gaussian",
             (0, 0) => "nothing was added: no candidate gains anything",

@@ -171,6 +171,14 @@ pub struct Spending {
     /// Gaussians of the base that get bands.
     #[serde(default)]
     pub bands: Spent,
+    /// Candidates, and those left out.
+    #[serde(flatten)]
+    pub candidates: Candidates,
+}
+
+/// Number of candidates of the first placement, and of those left out by reason.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Candidates {
     /// Number of candidates drawn.
     pub drawn: u32,
     /// Candidates without a gain over all views, or overlapping one with a higher gain.
@@ -261,10 +269,12 @@ impl Spending {
             without_lobes: of(true, |c| c.plain, allowance.plain_bytes),
             plain: of(false, |c| c.gain, allowance.plain_bytes),
             bands: Spent::default(),
-            drawn: choice.drawn,
-            no_gain: choice.drawn.saturating_sub(chosen),
-            below_training_on: chosen - enough as u32,
-            beyond: (enough - placed) as u32,
+            candidates: Candidates {
+                drawn: choice.drawn,
+                no_gain: choice.drawn.saturating_sub(chosen),
+                below_training_on: chosen - enough as u32,
+                beyond: (enough - placed) as u32,
+            },
         }
     }
 
@@ -368,7 +378,7 @@ mod tests {
         assert_eq!((plan.gaussians_allowed, plan.gaussians_at_first), (8, 4));
         assert_eq!((plan.placed(), plan.lobes.placed, plan.plain.placed), (4, 3, 1));
         assert_eq!((plan.lobes.chosen, plan.plain.chosen), (4, 2));
-        assert_eq!((plan.no_gain, plan.below_training_on, plan.beyond), (84, 1, 1));
+        assert_eq!(plan.candidates, Candidates { drawn: 90, no_gain: 84, below_training_on: 1, beyond: 1 });
         // A thousandth less squared error is 0.0043429 dB.
         let near = |got: f64, thousandths: f64| (got / (0.0043429448 * thousandths) - 1.0).abs() < 1e-6;
         assert!(near(plan.lobes.gain_db, 16.0) && near(plan.training_on_db.unwrap(), 30.0));
@@ -384,7 +394,10 @@ mod tests {
         // The first placement has half of the bytes; they run out before the next plain candidate.
         let bytes = Allowance::new(&base(40, 3), 0, 1.0, Some(2 * (76 + 247)));
         let plan = Spending::new(&bytes, [3, 90], &choice, 0.0, None);
-        assert_eq!((plan.gaussians_allowed, plan.lobes.placed, plan.plain.placed, plan.beyond), (8, 1, 0, 5));
+        assert_eq!(
+            (plan.gaussians_allowed, plan.lobes.placed, plan.plain.placed, plan.candidates.beyond),
+            (8, 1, 0, 5)
+        );
         assert!(near(plan.lobes.db_per_megabyte, 10e6 / 76.0));
     }
 }

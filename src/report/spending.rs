@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     data::counted,
-    pipelines::spend::{Spending, Spent},
+    pipelines::spend::{Candidates, Spending, Spent},
 };
 
 /// Table of gains for each use of the budget.
@@ -53,7 +53,8 @@ fn table(plan: &Spending) -> Table {
 
 /// Sentences on the planned Gaussians, the candidates left out, and the meaning of gains.
 fn sentences(plan: &Spending) -> [String; 3] {
-    let &Spending { gaussians_allowed, bytes_allowed, placements, steps, .. } = plan;
+    let &Spending { gaussians_allowed, bytes_allowed, placements, steps, candidates, .. } = plan;
+    let Candidates { drawn, no_gain, below_training_on: below, beyond } = candidates;
     let bytes = bytes_allowed.map_or(String::new(), |bytes| format!(" in {bytes} bytes"));
     let later = match placements.saturating_sub(1) {
         0 => String::new(),
@@ -72,16 +73,15 @@ fn sentences(plan: &Spending) -> [String; 3] {
             counted(steps as usize, "step")
         )
     };
-    let mut reasons = vec![format!("{} that gain nothing in all photos together or overlap better ones", plan.no_gain)];
+    let mut reasons = vec![format!("{no_gain} that gain nothing in all photos together or overlap better ones")];
     if plan.least_db_per_thousand > 0.0 {
         let least = plan.least_db_per_thousand;
-        let below = plan.below_training_on;
         reasons.push(format!("{below} that gain less than longer training would ({least:.3} dB a thousand)"));
     }
-    if plan.beyond > 0 {
-        reasons.push(format!("{} beyond the budget of the first placement", plan.beyond));
+    if beyond > 0 {
+        reasons.push(format!("{beyond} beyond the budget of the first placement"));
     }
-    let left_out = format!("left out of {} candidates: {}", plan.drawn, reasons.join(", "));
+    let left_out = format!("left out of {drawn} candidates: {}", reasons.join(", "));
     let gains = "gains are predictions on the training photos, before anything learns".to_owned();
     [does, left_out, gains]
 }
@@ -128,10 +128,7 @@ mod tests {
             without_lobes: Spent { gain_db: 0.0625, ..spent },
             plain: Spent::default(),
             bands: Spent { chosen: 77, placed: 77, ..spent },
-            drawn: 120,
-            no_gain: 111,
-            below_training_on: 3,
-            beyond: 2,
+            candidates: Candidates { drawn: 120, no_gain: 111, below_training_on: 3, beyond: 2 },
         };
         let said = text(&plan);
         for part in [

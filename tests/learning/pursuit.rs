@@ -174,12 +174,12 @@ fn a_plan_spends_on_what_gains_and_on_nothing_where_that_is_too_little() {
     assert!(shiny.training_on_db.is_some_and(|gain| gain >= 0.0));
     // The wall nearly has this grey, up to a small difference in every channel, from all views.
     let (found, even) = weighed(&gpu, |_, _| GREY, short(Weigh::Limit));
-    assert!(even.lobes.chosen == 0 && even.below_training_on > 0 && found.lifted == 0, "{even:?}");
+    assert!(even.lobes.chosen == 0 && even.candidates.below_training_on > 0 && found.lifted == 0, "{even:?}");
     // A minimum gain that nothing reaches.
     let mut options = short(Weigh::Limit);
     options.pursuit.least_gain = 1e9;
     let (found, nothing) = weighed(&gpu, lit(true, true), options);
-    assert!(nothing.placed() == 0 && nothing.below_training_on > 0, "{nothing:?}");
+    assert!(nothing.placed() == 0 && nothing.candidates.below_training_on > 0, "{nothing:?}");
     assert!(found.join.is_none() && found.scene == wall_of(15));
 }
 
