@@ -230,6 +230,15 @@ enum Next {
     Done,
 }
 
+/// Inverse splatting of [`Method::Augs`].
+struct Lifting {
+    phase: LiftPhase,
+    /// The last batch, until the next event.
+    lifted: Option<Lifted>,
+    /// Lifts of each batch, for checkpoints.
+    lifts: Vec<(Range<usize>, Vec<Lift>)>,
+}
+
 /// A running augmentation: call [`Enhancer::next`] until it returns `None`.
 pub struct Enhancer {
     session: Session,
@@ -244,11 +253,8 @@ pub struct Enhancer {
     original: Gaussians,
     /// The trained base is worse than the original.
     worse_alone: bool,
-    lift: LiftPhase,
+    lifting: Lifting,
     next: Next,
-    lifted: Option<Lifted>,
-    /// [`Method::Augs`]: the lifts of each batch, for checkpoints.
-    lifts: Vec<(Range<usize>, Vec<Lift>)>,
     allowance: Allowance,
     training_on: Option<TrainingOn>,
     /// Without its scene until the end.
@@ -285,7 +291,11 @@ impl Enhancer {
         let model = Model::upload_around(&session.context, views.origin, scene, room)?;
         Ok(Enhancer {
             renderer: renderer_of(session, &model, views, options)?,
-            lift: LiftPhase::new(&session.context, options.lift)?,
+            lifting: Lifting {
+                phase: LiftPhase::new(&session.context, options.lift)?,
+                lifted: None,
+                lifts: Vec::new(),
+            },
             session: session.clone(),
             options: *options,
             model,
@@ -295,8 +305,6 @@ impl Enhancer {
             original: scene.base.clone(),
             worse_alone: false,
             next: Next::Base,
-            lifted: None,
-            lifts: Vec::new(),
             allowance,
             training_on: None,
             found: Enhanced { steps: options.join.steps_per_view * views.cameras.len() as u32, ..Enhanced::default() },
@@ -315,7 +323,7 @@ impl Enhancer {
 
     /// Runs to the next event; `None` once all is done. `views` must be those passed to [`Enhancer::new`].
     pub fn next(&mut self, views: &Views) -> Result<Option<Event>> {
-        self.lifted = None;
+        self.lifting.lifted = None;
         loop {
             let started = Instant::now();
             let event = match (&self.next, self.options.method) {
@@ -533,9 +541,9 @@ impl Enhancer {
         self.found.times.screen += started.elapsed();
         let started = Instant::now();
         let unit = if self.session.extent > 0.0 { self.session.extent } else { 1.0 };
-        let lifted = self.lift.lift(refiner, views, unit, &mut self.model)?;
-        self.lifts.push((range.clone(), lifted.lifts.clone()));
-        self.lifted = Some(lifted);
+        let lifted = self.lifting.phase.lift(refiner, views, unit, &mut self.model)?;
+        self.lifting.lifts.push((range.clone(), lifted.lifts.clone()));
+        self.lifting.lifted = Some(lifted);
         self.found.times.lift += started.elapsed();
         self.next = Next::Batch(batch + 1);
         Ok(Some(Event::Lifted { views: range }))
@@ -581,8 +589,8 @@ impl Enhancer {
         let views = self.batch(batch).map_or(0..0, |(_, views)| views);
         self.found.resumed += views.len();
         self.found.refined += lifts.len() as u32;
-        self.lift.append_lifts(lifts, &mut self.model)?;
-        self.lifts.push((views, lifts.to_vec()));
+        self.lifting.phase.append_lifts(lifts, &mut self.model)?;
+        self.lifting.lifts.push((views, lifts.to_vec()));
         self.next = Next::Batch(batch + 1);
         Ok(())
     }
@@ -624,13 +632,13 @@ impl Enhancer {
     pub fn checkpoint(&mut self, views: &Views) -> Result<Checkpoint> {
         let mut checkpoint = match &mut self.next {
             Next::Join(trainer) => trainer.checkpoint(&self.model, views)?,
-            _ if self.lifts.is_empty() => return Err(not_joining()),
+            _ if self.lifting.lifts.is_empty() => return Err(not_joining()),
             _ => Checkpoint::new(0),
         };
         match self.options.method {
             Method::Pursuit => checkpoint.put(PLACEMENTS.into(), [1, 1], vec![self.found.placed.len() as f32]),
             Method::Augs => {
-                for (views, lifts) in &self.lifts {
+                for (views, lifts) in &self.lifting.lifts {
                     checkpoint.put_words(batch_name(views), bytemuck::cast_slice(lifts).to_vec());
                 }
             }
@@ -686,7 +694,7 @@ impl Enhancer {
 
     /// The batch that [`Event::Lifted`] announced: its 2D Gaussians, still on the device, and their lifts.
     pub fn lifted(&self) -> Option<(&Refiner, &Lifted)> {
-        self.refiner.as_ref().zip(self.lifted.as_ref())
+        self.refiner.as_ref().zip(self.lifting.lifted.as_ref())
     }
 
     /// Results of the placements so far.

@@ -98,10 +98,8 @@ buffers! {
 
 /// Pipelines and buffers of a placement, made once.
 pub(crate) struct Placer {
-    context: Context,
+    session: Session,
     pub(super) options: PursuitOptions,
-    background: [f32; 3],
-    seed: u32,
     /// Maximum number of Gaussians: that fit, and that may be placed now.
     pub(super) most: u32,
     pub(super) limit: u32,
@@ -245,10 +243,8 @@ impl Placer {
             Kinds::Plain => [0.0, 1.0],
         };
         Ok(Placer {
-            context: context.clone(),
+            session: session.clone(),
             options,
-            background: session.background,
-            seed: session.seed as u32,
             most: most.max(1),
             limit: most,
             prices: [1; 2],
@@ -297,7 +293,7 @@ impl Placer {
         view: u32,
         status: &Buffer<u32>,
     ) -> Result<()> {
-        let show = Show::all(model, self.background);
+        let show = Show::all(model, self.session.background);
         renderer.record(recorder, model, views, view, &show, status)?;
         self.record_pyramid(recorder, views, view, &renderer.raster.buffers.image, &renderer.depths)
     }
@@ -363,7 +359,7 @@ impl Placer {
             &dispatch_args::Push {
                 count_index,
                 capacity: items,
-                items_per_group: items_per_group(self.context.info()),
+                items_per_group: items_per_group(self.session.context.info()),
                 args_index: 3 * dispatch,
                 resource_index: Resource::Intersections.index(),
             },
@@ -399,7 +395,7 @@ impl Placer {
                 },
                 &pursuit_draw::Push {
                     count: self.candidates,
-                    seed: self.seed,
+                    seed: self.session.seed as u32,
                     view_first: page.views.start,
                     view_end: page.views.end,
                     view_count: self.plot_list.len() as u32,
