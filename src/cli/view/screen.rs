@@ -119,6 +119,15 @@ struct Chain {
     stale: bool,
 }
 
+/// Times of frames.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Costs {
+    /// Total time that the host has waited for the device.
+    pub(super) waited: Duration,
+    /// Device time of the last scene that was waited for, if the device has timestamps.
+    pub(super) time: Option<Duration>,
+}
+
 /// Window with the device that draws in it.
 pub(super) struct Screen {
     presenter: khr::swapchain::Device,
@@ -135,10 +144,7 @@ pub(super) struct Screen {
     texel: Texel,
     /// Slot of the last drawn scene.
     last: Option<usize>,
-    /// Device time of the last scene that was waited for.
-    time: Option<Duration>,
-    /// Total time that the host has waited for the device.
-    waited: Duration,
+    costs: Costs,
     surface: Surface,
     // Last, because it must be dropped last.
     lender: Rc<Lender>,
@@ -325,8 +331,7 @@ impl Screen {
             format,
             texel,
             last: None,
-            time: None,
-            waited: Duration::ZERO,
+            costs: Costs::default(),
             surface,
             lender: Rc::new(lender),
         };
@@ -372,14 +377,8 @@ impl Screen {
         self.lender.context()
     }
 
-    /// Device time of the last scene that was waited for.
-    pub(super) fn time(&self) -> Option<Duration> {
-        self.time
-    }
-
-    /// Total time that the host has waited for the device.
-    pub(super) fn waited(&self) -> Duration {
-        self.waited
+    pub(super) fn costs(&self) -> Costs {
+        self.costs
     }
 
     /// Forgets the last scene, so that its times are not read.
@@ -408,7 +407,7 @@ impl Screen {
         unsafe {
             let began = Instant::now();
             self.device.device_wait_idle().map_err(named("vkDeviceWaitIdle"))?;
-            self.waited += began.elapsed();
+            self.costs.waited += began.elapsed();
             let can = surfaces
                 .get_physical_device_surface_capabilities(self.physical, *surface)
                 .map_err(named("vkGetPhysicalDeviceSurfaceCapabilitiesKHR"))?;
@@ -479,14 +478,14 @@ impl Screen {
         unsafe {
             let began = Instant::now();
             self.device.wait_for_fences(&[fence], true, u64::MAX).map_err(named("vkWaitForFences"))?;
-            self.waited += began.elapsed();
+            self.costs.waited += began.elapsed();
             let period = f64::from(self.context().info().timestamp_period);
             if period > 0.0 && draws {
                 let mut stamps = [0u64; 2];
                 let flags = vk::QueryResultFlags::TYPE_64;
                 let read = self.device.get_query_pool_results(self.queries, 2 * slot as u32, &mut stamps, flags);
                 let ticks = stamps[1].wrapping_sub(stamps[0]);
-                self.time = read.ok().map(|()| Duration::from_nanos((ticks as f64 * period) as u64));
+                self.costs.time = read.ok().map(|()| Duration::from_nanos((ticks as f64 * period) as u64));
             }
         }
         Ok(())

@@ -121,7 +121,7 @@ impl Shown {
     /// Returns false when the user closes the window.
     fn look(&mut self, desk: &Desk<'_>, model: &Model, progress: Arguments<'_>) -> Outcome<bool> {
         let began = Instant::now();
-        let (waited, _) = self.open.costs();
+        let waited = self.open.costs().waited;
         let mut pumped = Pumped { open: &mut self.open, desk, model, closed: false, outcome: Ok(()) };
         self.events.pump_app_events(Some(Duration::ZERO), &mut pumped);
         let Pumped { closed, outcome, .. } = pumped;
@@ -135,7 +135,7 @@ impl Shown {
             // The frame is done, so this does not wait.
             self.open.rest(desk)?;
             // Without timestamps, the host's time is counted twice.
-            self.spent += self.open.costs().1.unwrap_or(self.spent);
+            self.spent += self.open.costs().time.unwrap_or(self.spent);
         }
         if !self.drawing && self.begun.elapsed() >= SHARE * self.spent {
             self.open.tell(progress.to_string());
@@ -147,7 +147,7 @@ impl Shown {
         // Waiting does not count, since the run's own work continues. The first frame does not either,
         // since it creates pipelines once.
         if !(self.drawing && std::mem::take(&mut self.first)) {
-            self.spent += began.elapsed().saturating_sub(self.open.costs().0 - waited);
+            self.spent += began.elapsed().saturating_sub(self.open.costs().waited - waited);
         }
         Ok(true)
     }

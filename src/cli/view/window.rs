@@ -4,7 +4,7 @@ use std::{
     collections::HashSet,
     path::{Path, PathBuf},
     sync::Arc,
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use glam::{DMat3, DVec3};
@@ -21,7 +21,7 @@ use super::{
     super::{DeviceArgs, Failure, Outcome, SceneArgs, check::check, print, progress::note},
     flight::{Flight, Motion},
     scenery::{Fitted, Look, Mode, Scenery},
-    screen::Screen,
+    screen::{Costs, Screen},
 };
 use crate::{
     Error, Result,
@@ -128,8 +128,6 @@ pub(super) struct Open {
     scenery: Scenery,
     screen: Screen,
     window: Arc<Window>,
-    /// Name of the scene's file, without its ending.
-    name: String,
     flight: Flight,
     home: Camera,
     /// Point near which cameras look.
@@ -153,6 +151,8 @@ pub(super) struct Open {
 /// Texts in the window's title.
 #[derive(Default)]
 struct Status {
+    /// Name of the scene's file, without its ending.
+    name: String,
     /// Stages of the last timed frame.
     stages: String,
     /// Progress of a run.
@@ -295,7 +295,6 @@ impl Open {
             scenery,
             screen,
             window,
-            name: stem(desk.file),
             flight: Flight::new(home, pivot, up),
             home,
             pivot,
@@ -304,7 +303,7 @@ impl Open {
             fitted: None,
             path: CameraPath::default(),
             save: false,
-            status: Status::default(),
+            status: Status { name: stem(desk.file), ..Status::default() },
             input: Input {
                 held: HashSet::new(),
                 modifiers: ModifiersState::default(),
@@ -354,10 +353,8 @@ impl Open {
         self.running && !self.screen.is_done()
     }
 
-    /// Total time that the host has waited for the device, and the device time of the last frame that was
-    /// waited for, if the device has timestamps.
-    pub(super) fn costs(&self) -> (Duration, Option<Duration>) {
-        (self.screen.waited(), self.screen.time())
+    pub(super) fn costs(&self) -> Costs {
+        self.screen.costs()
     }
 
     /// Sets the progress in the title.
@@ -535,7 +532,7 @@ impl Open {
         self.stale = !drawn.shown;
         self.running = drawn.shown;
         if let Some(pixels) = drawn.pixels {
-            let file = free(desk.folder, |i| format!("{}-{i:04}.png", self.name));
+            let file = free(desk.folder, |i| format!("{}-{i:04}.png", self.status.name));
             match write_png_bytes(&file, size[0], size[1], &pixels) {
                 Ok(()) => {
                     print(format_args!("{}\n", file.display()))?;
@@ -581,7 +578,7 @@ impl Open {
     fn title(&self, desk: &Desk<'_>) {
         let photo = self.photo.zip(desk.dataset).map(|(i, dataset)| &dataset.photos[i].name[..]);
         // A photo takes no device time.
-        let time = self.screen.time().filter(|_| self.mode != Mode::Photograph).map(|time| {
+        let time = self.screen.costs().time.filter(|_| self.mode != Mode::Photograph).map(|time| {
             let stages =
                 if self.status.stages.is_empty() { String::new() } else { format!(" ({})", self.status.stages) };
             format!("{:.1} ms{stages}", 1e3 * time.as_secs_f64())
@@ -589,7 +586,7 @@ impl Open {
         let counts = self.scenery.counts.map(|[base, supplement]| format!("{base} + {supplement} Gaussians"));
         let memory = self.screen.context().memory().used as f64 / 1e6;
         let parts = [
-            Some(self.name.clone()),
+            Some(self.status.name.clone()),
             Some(self.mode.name().to_owned()),
             Some(self.flight.motion.name().to_owned()),
             photo.map(str::to_owned),
@@ -609,7 +606,7 @@ impl Open {
             self.say("the path has no poses yet: k adds one");
             return Ok(());
         }
-        let file = free(desk.folder, |i| format!("{}-path-{i}.json", self.name));
+        let file = free(desk.folder, |i| format!("{}-path-{i}.json", self.status.name));
         if let Err(error) = self.path.write(&file) {
             self.complain(&error);
             return Ok(());
@@ -635,7 +632,7 @@ impl Open {
                 self.scenery = scenery;
                 self.scenery.timed = timed;
                 self.screen.forget();
-                self.name = stem(path);
+                self.status.name = stem(path);
                 self.say("");
                 Some(model)
             }
