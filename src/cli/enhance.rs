@@ -10,13 +10,12 @@ use std::{
 use clap::ValueEnum;
 use drive::{Beside, run_with_progress};
 use glam::DVec3;
-use report::{Gain, Placement, Report, Seconds, gain, joint_stages, pass_loss};
+use report::{Costs, Gain, Placement, Report, Seconds, Sizes, gain, joint_stages, pass_loss};
 use serde::Serialize;
 use serde_json::json;
 
 use super::{
-    DeviceArgs, DrawArgs, Failure as Ended, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched,
-    counted,
+    CommonArgs, Failure as Ended, Look, Outcome, SceneArgs, WatchArgs, Watched, counted,
     dataset::{check_sight, upload},
     interrupt::Interrupt,
     kept::{KeepArgs, Kept, settings},
@@ -228,16 +227,7 @@ pub(super) struct Args {
     lenient: SceneArgs,
     #[command(flatten)]
     #[serde(skip)]
-    photos: PhotoArgs,
-    #[command(flatten)]
-    #[serde(skip)]
-    learn: LearnArgs,
-    #[command(flatten)]
-    #[serde(skip)]
-    draw: DrawArgs,
-    #[command(flatten)]
-    #[serde(skip)]
-    device: DeviceArgs,
+    common: CommonArgs,
     #[command(flatten)]
     #[serde(flatten)]
     choices: ChoiceArgs,
@@ -268,7 +258,7 @@ impl Args {
         let end = self.time.map(|time| Instant::now() + time);
         let SceneFile { scene, trained_with, .. } = self.base_scene()?;
         let (mut photo_args, draw) =
-            (self.photos.like(trained_with, &self.base), self.draw.like(trained_with, &self.base));
+            (self.common.photos.like(trained_with, &self.base), self.common.draw.like(trained_with, &self.base));
         let dataset = photo_args.open_with_options(&self.dataset)?.0;
         let policy = draw.policy();
         let (part, exposure) = (dataset.part, trained_with.exposure);
@@ -299,7 +289,7 @@ impl Args {
             ));
         }
         let background = dataset.background;
-        let run = Watched { device: &self.device, dataset: &dataset, policy, background, output: &self.output };
+        let run = Watched { device: &self.common.device, dataset: &dataset, policy, background, output: &self.output };
         let task = Task { dataset: &dataset, photos, scene: &scene, options, policy, trained_with };
         self.watch.with(&run, |context, look_at| self.augment(context, look_at, &task, end))
     }
@@ -322,7 +312,7 @@ impl Args {
     fn augment(&self, context: &Context, look_at: &mut Look<'_>, task: &Task<'_>, end: Option<Instant>) -> Outcome {
         let Task { dataset, photos, scene, options, policy, trained_with } = task;
         let (background, extent) = (dataset.background, dataset.extent() as f32);
-        let session = self.learn.session(context, *policy, background, extent, self.seed.into());
+        let session = self.common.learn.session(context, *policy, background, extent, self.seed.into());
         let (views, checksums) = upload(context, photos, background, 0, Storage::Device)?;
         // A run by time has another number of steps each time, so it has no checkpoint.
         let mut kept = None;
@@ -432,20 +422,24 @@ impl Args {
             device: &context.info().name,
             photos: photos.len(),
             photos_resumed: found.resumed,
-            base_gaussians: scene.base.len(),
-            budget,
-            refined: found.refined,
-            supplementary_gaussians: found.lifted,
-            plain_gaussians: plain,
-            banded_gaussians: found.promotion.gains.len() as u32,
-            bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) + found.promotion.bytes() },
-            file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
+            sizes: Sizes {
+                base_gaussians: scene.base.len(),
+                budget,
+                refined: found.refined,
+                supplementary_gaussians: found.lifted,
+                plain_gaussians: plain,
+                banded_gaussians: found.promotion.gains.len() as u32,
+                bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) + found.promotion.bytes() },
+                file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
+            },
             plan: found.spending.as_ref(),
             faded_gaussians: found.faded,
             original_kept: found.original.is_some(),
-            seconds: Seconds::of(&found.times),
-            device_megabytes: context.memory().most_used as f64 / 1e6,
-            stages: joint_stages(found),
+            costs: Costs {
+                seconds: Seconds::of(&found.times),
+                device_megabytes: context.memory().most_used as f64 / 1e6,
+                stages: joint_stages(found),
+            },
             joint_loss_first: pass_loss(found, photos.len(), false),
             joint_loss_last: pass_loss(found, photos.len(), true),
             placements: found.placed.iter().map(|p| Placement { lobes: p.lobes, plain: p.plain }).collect(),
@@ -495,7 +489,8 @@ fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
             task.photos.len()
         ));
     } else if found.lifted + plain == 0 && found.promotion.gains.is_empty() {
-        let (below, beyond) = found.spending.as_ref().map_or((0, 0), |p| (p.candidates.below_training_on, p.candidates.beyond));
+        let (below, beyond) =
+            found.spending.as_ref().map_or((0, 0), |p| (p.candidates.below_training_on, p.candidates.beyond));
         note(match (below, beyond) {
             _ if budget == 0 => "nothing was added: the budget is less than one Gaussian",
             (0, 0) => "nothing was added: no candidate gains anything",

@@ -429,6 +429,19 @@ fn peak_memory() -> Option<u64> {
     kilobytes.map(|n: u64| 1024 * n)
 }
 
+/// Options of `train` and `enhance`: photos, gradients, drawing, device.
+#[derive(Debug, Args)]
+struct CommonArgs {
+    #[command(flatten)]
+    photos: PhotoArgs,
+    #[command(flatten)]
+    learn: LearnArgs,
+    #[command(flatten)]
+    draw: DrawArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
 /// Options for the precision and summation of gradients.
 #[derive(Debug, Args)]
 struct LearnArgs {

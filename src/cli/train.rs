@@ -14,7 +14,7 @@ use serde_json::json;
 use storage::{PhotosOn, photo_bytes};
 
 use super::{
-    DeviceArgs, DrawArgs, LearnArgs, Look, Outcome, PhotoArgs, SceneArgs, WatchArgs, Watched, counted,
+    CommonArgs, Look, Outcome, SceneArgs, WatchArgs, Watched, counted,
     dataset::{check_sight, upload},
     deadline::{Deadline, FIRST, MOST},
     history::History,
@@ -102,35 +102,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX))]
     #[serde(skip)]
     eval_every: Option<u32>,
-    /// Degree of the spherical harmonics, 0 to 3
-    #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
-    sh_degree: u32,
-    /// Color model
-    #[arg(long, value_enum, default_value_t)]
-    #[serde(skip_serializing_if = "is_default")]
-    color: ColorArg,
-    /// Number of Gaussians at the start: a random subset of the sparse points, or random points if there
-    /// are none. Fewer train faster [default: all sparse points; without any, a quarter of --gaussians, or
-    /// one for each pixel of the largest photo, at most 25000; four times as many random ones if the
-    /// strategy is not budget]
-    #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX))]
-    points: Option<u32>,
-    /// Start from this file instead of the dataset's points: a PLY of points (and their colors), or the
-    /// Gaussians of any scene or checkpoint
-    #[arg(long, value_name = "FILE")]
-    #[serde(skip)]
-    init: Option<PathBuf>,
     #[command(flatten)]
-    #[serde(skip)]
-    lenient: SceneArgs,
-    /// Maximum number of Gaussians; the default strategy grows to this number [default: 4× the initial
-    /// number, clamped to between one per 256 and one per 16 training pixels, and to the device's memory;
-    /// the initial number with --strategy fixed or a scene as --init]
-    #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX), alias = "cap-max")]
-    gaussians: Option<u32>,
-    /// Strategy that prunes and multiplies Gaussians
-    #[arg(long, value_enum, default_value_t)]
-    strategy: Strategy,
+    #[serde(flatten)]
+    model: ModelArgs,
     /// Learn an affine color map for each training photo, for photos of changing exposure or white balance.
     /// The mean of all maps stays the identity; test photos, eval and render use none
     #[arg(long)]
@@ -166,16 +140,42 @@ pub(super) struct Args {
     replace: OutputArgs,
     #[command(flatten)]
     #[serde(skip)]
-    photos: PhotoArgs,
+    common: CommonArgs,
+}
+
+/// Options of the Gaussians: their colors, initial values and number.
+#[derive(Debug, clap::Args, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct ModelArgs {
+    /// Degree of the spherical harmonics, 0 to 3
+    #[arg(long, value_name = "L", default_value_t = BaseOptions::default().sh_degree, value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: u32,
+    /// Color model
+    #[arg(long, value_enum, default_value_t)]
+    #[serde(skip_serializing_if = "is_default")]
+    color: ColorArg,
+    /// Number of Gaussians at the start: a random subset of the sparse points, or random points if there
+    /// are none. Fewer train faster [default: all sparse points; without any, a quarter of --gaussians, or
+    /// one for each pixel of the largest photo, at most 25000; four times as many random ones if the
+    /// strategy is not budget]
+    #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX))]
+    points: Option<u32>,
+    /// Start from this file instead of the dataset's points: a PLY of points (and their colors), or the
+    /// Gaussians of any scene or checkpoint
+    #[arg(long, value_name = "FILE")]
+    #[serde(skip)]
+    init: Option<PathBuf>,
     #[command(flatten)]
     #[serde(skip)]
-    learn: LearnArgs,
-    #[command(flatten)]
-    #[serde(skip)]
-    draw: DrawArgs,
-    #[command(flatten)]
-    #[serde(skip)]
-    device: DeviceArgs,
+    lenient: SceneArgs,
+    /// Maximum number of Gaussians; the default strategy grows to this number [default: 4× the initial
+    /// number, clamped to between one per 256 and one per 16 training pixels, and to the device's memory;
+    /// the initial number with --strategy fixed or a scene as --init]
+    #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX), alias = "cap-max")]
+    gaussians: Option<u32>,
+    /// Strategy that prunes and multiplies Gaussians
+    #[arg(long, value_enum, default_value_t)]
+    strategy: Strategy,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, clap::ValueEnum, Serialize)]
@@ -221,6 +221,13 @@ struct Report<'a> {
     /// With --exposure: the largest difference between an entry of a photo's map and the identity.
     #[serde(skip_serializing_if = "Option::is_none")]
     largest_exposure: Option<f32>,
+    #[serde(flatten)]
+    costs: Costs,
+}
+
+/// What the steps take on the device.
+#[derive(Serialize)]
+struct Costs {
     /// Peak device memory, MB.
     device_megabytes: f64,
     /// Number of times that a buffer overflowed and was grown.
@@ -250,8 +257,8 @@ impl Args {
         self.check_color()?;
         let began = Instant::now();
         let init = self.init_scene()?;
-        let (mut photo_args, mut draw) = (self.photos.clone(), self.draw);
-        if let (Some(file), Some(path)) = (&init, &self.init) {
+        let (mut photo_args, mut draw) = (self.common.photos.clone(), self.common.draw);
+        if let (Some(file), Some(path)) = (&init, &self.model.init) {
             (photo_args, draw) = (photo_args.like(file.trained_with, path), draw.like(file.trained_with, path));
         }
         let policy = draw.policy();
@@ -266,7 +273,7 @@ impl Args {
         let trained_with = TrainedWith { exposure, part, ..photo_args.trained_with(policy.compensate) };
         self.check_asked(&dataset)?;
         let mut inputs = Inputs::default().dataset(&dataset);
-        if let Some(init) = &self.init {
+        if let Some(init) = &self.model.init {
             inputs = inputs.scene(init);
         }
         let replace = self.replace.or(KeepArgs::owns(&self.output));
@@ -278,7 +285,7 @@ impl Args {
         check_sight(&dataset, first.origin, &first.gaussians.means)?;
         self.tell(&first, &dataset);
         let run = Watched {
-            device: &self.device,
+            device: &self.common.device,
             dataset: &dataset,
             policy,
             background: dataset.background,
@@ -310,19 +317,20 @@ impl Args {
         let course = Course {
             sh_degree: self.degree(),
             begins: first.begins,
-            strategy: self.strategy,
+            strategy: self.model.strategy,
             first: first.gaussians.len() as u32,
             most: first.most as u32,
             halvings: self
                 .halvings
-                .unwrap_or_else(|| if self.strategy.is_newton() { halvings_for(&photos) } else { 0 }),
+                .unwrap_or_else(|| if self.model.strategy.is_newton() { halvings_for(&photos) } else { 0 }),
         };
         // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);
         let scene = u64::from(control.limit) * gaussian_bytes(course.sh_degree, false);
         let on_disk = if on == PhotosOn::Disk { photo_bytes(pixels) } else { 0 };
         check_room(&self.output, scene + on_disk, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
-        let session = self.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
+        let session =
+            self.common.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
         let (views, checksums) = upload(context, &photos, dataset.background, course.halvings, self.storage(on)?)?;
         let most = control.limit.max(course.first);
         self.tell_memory(if on == PhotosOn::Device { pixels } else { 0 }, most, course.halvings);
@@ -419,8 +427,8 @@ impl Args {
 
     /// Device memory of a Gaussian that learns, bytes.
     fn learning_bytes(&self) -> u64 {
-        let packed = self.learn.precision == super::Precision::Half;
-        learning_bytes(self.degree(), packed, self.strategy.is_newton())
+        let packed = self.common.learn.precision == super::Precision::Half;
+        learning_bytes(self.degree(), packed, self.model.strategy.is_newton())
     }
 
     /// Deadline of a run of length `time`, which began reading at `began`, minus the time to write the
@@ -451,17 +459,17 @@ impl Args {
 
     /// Color model: a degree of harmonics, or betas.
     fn degree(&self) -> u32 {
-        if self.color == ColorArg::Sb { color::BETAS } else { self.sh_degree }
+        if self.model.color == ColorArg::Sb { color::BETAS } else { self.model.sh_degree }
     }
 
     fn check_color(&self) -> Result<()> {
-        if self.color == ColorArg::Sh {
+        if self.model.color == ColorArg::Sh {
             return Ok(());
         }
-        if self.strategy.is_newton() {
+        if self.model.strategy.is_newton() {
             return Err(Error::Usage("--color sb needs Adam: expected --strategy mcmc or adc".into()));
         }
-        if self.sh_degree != BaseOptions::default().sh_degree {
+        if self.model.sh_degree != BaseOptions::default().sh_degree {
             return Err(Error::Usage("--color sb has no harmonics: --sh-degree is for --color sh".into()));
         }
         Ok(())
@@ -470,12 +478,12 @@ impl Args {
     /// Fails before any allocation if the requested Gaussians exceed the device's memory.
     fn check_asked(&self, dataset: &Dataset) -> Outcome {
         // Sparse points limit their own number; random points do not.
-        let drawn = self.points.filter(|_| self.init.is_none() && dataset.points.is_none());
-        let asked = [("--gaussians", self.gaussians), ("--points", drawn)];
+        let drawn = self.model.points.filter(|_| self.model.init.is_none() && dataset.points.is_none());
+        let asked = [("--gaussians", self.model.gaussians), ("--points", drawn)];
         let most = asked.into_iter().filter_map(|(option, n)| Some((n.filter(|&n| n > MANY)?, option))).max();
         let Some((n, option)) = most else { return Ok(()) };
         let bytes = self.learning_bytes();
-        self.device.with_unchecked(|context| {
+        self.common.device.with_unchecked(|context| {
             let fit = context.memory_at_most() / bytes;
             if u64::from(n) <= fit {
                 return Ok(());

@@ -67,9 +67,7 @@ pub(in crate::cli) fn run_with_progress(
         pace: None,
         clock: None,
         placements: options.pursuit.placements.max(1),
-        placing: None,
-        placed_in: Duration::ZERO,
-        hurried: false,
+        placing: Placing::default(),
         rendered_in: Duration::ZERO,
     };
     loop {
@@ -104,13 +102,19 @@ struct Augmentation<'a> {
     clock: Option<Deadline>,
     /// Number of placements.
     placements: u32,
-    /// Start of the placement in progress, and duration of the last one.
-    placing: Option<Instant>,
-    placed_in: Duration,
-    /// Whether the placement in progress was cut short.
-    hurried: bool,
+    placing: Placing,
     /// Duration of rendering the base in all views, which is repeated at the end; an estimate, as the driver compiled kernels meanwhile.
     rendered_in: Duration,
+}
+
+/// Times of placements.
+#[derive(Default)]
+struct Placing {
+    /// Start of the placement in progress, and whether it was cut short.
+    since: Option<Instant>,
+    hurried: bool,
+    /// Duration of the last one.
+    last: Duration,
 }
 
 /// Pace of a phase.
@@ -190,13 +194,14 @@ impl Augmentation<'_> {
             }
             Event::Place(at) => {
                 look(&self.enhancer, "placing", at.step.into(), at.steps.into());
-                let began = *self.placing.get_or_insert(before);
+                let began = *self.placing.since.get_or_insert(before);
                 self.show("placing", at.step.into(), at.steps.into(), None);
                 let share = self.share.map(|share| share / self.placements);
                 // The last step places what the rounds before have chosen.
-                if at.step + 1 < at.steps && !self.hurried && share.is_some_and(|share| began.elapsed() > share) {
+                if at.step + 1 < at.steps && !self.placing.hurried && share.is_some_and(|share| began.elapsed() > share)
+                {
                     note("placing has taken its share of the time, so its rounds end early");
-                    self.hurried = true;
+                    self.placing.hurried = true;
                     self.enhancer.hurry(self.views)?;
                 }
             }
@@ -271,10 +276,10 @@ impl Augmentation<'_> {
             tracing::info!("placement {placement} of {placements}: {lobes} Gaussians with lobes, {plain} plain");
         }
         self.told = self.enhancer.placed().len();
-        if let Some(began) = self.placing.take() {
-            (self.placed_in, self.hurried) = (began.elapsed(), false);
+        if let Some(began) = self.placing.since.take() {
+            self.placing = Placing { last: began.elapsed(), ..Placing::default() };
             if let Some(deadline) = &mut self.clock {
-                deadline.leave_out(self.placed_in);
+                deadline.leave_out(self.placing.last);
             }
         }
         if let Some(end) = self.beside.end
@@ -315,7 +320,7 @@ impl Augmentation<'_> {
         if deadline.is_due(step, now) {
             // The next placements are estimated to take as long as the last one.
             let more = self.placements.saturating_sub(self.told as u32);
-            let reserved = self.placed_in * more + self.rendered_in;
+            let reserved = self.placing.last * more + self.rendered_in;
             self.enhancer.replan(self.views, |step| {
                 let plan = deadline.plan(step, Instant::now(), reserved);
                 [plan.total, plan.done]

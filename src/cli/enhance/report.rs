@@ -34,6 +34,31 @@ pub(super) struct Report<'a> {
     pub(super) photos: usize,
     /// Photos whose lifts came from a checkpoint.
     pub(super) photos_resumed: usize,
+    #[serde(flatten)]
+    pub(super) sizes: Sizes,
+    /// Plan of pursuit; null for --method augs.
+    pub(super) plan: Option<&'a Spending>,
+    /// Supplementary Gaussians removed because the joint phase made them transparent.
+    pub(super) faded_gaussians: u32,
+    /// Whether `vertex` is the original base, because the changed one is worse without the supplement.
+    pub(super) original_kept: bool,
+    #[serde(flatten)]
+    pub(super) costs: Costs,
+    /// Mean loss of the first and of the last pass of the joint phase; null if it did not run.
+    pub(super) joint_loss_first: Option<f64>,
+    pub(super) joint_loss_last: Option<f64>,
+    /// Gaussians of each placement.
+    pub(super) placements: Vec<Placement>,
+    /// Whether the output is the original base, because the test photos were worse and no budget was given.
+    /// Other fields then describe the discarded augmentation.
+    pub(super) discarded: bool,
+    /// Gain on the test views; null if there are none.
+    pub(super) gain: Option<Gain>,
+}
+
+/// Numbers of Gaussians, and their bytes.
+#[derive(Serialize)]
+pub(super) struct Sizes {
     pub(super) base_gaussians: usize,
     /// Maximum number of added Gaussians; with --method augs, 2D Gaussians left after the screen phase.
     pub(super) budget: u32,
@@ -47,27 +72,16 @@ pub(super) struct Report<'a> {
     pub(super) bytes_added: u64,
     /// Size of the file, bytes, including a changed base stored next to the original.
     pub(super) file_bytes: u64,
-    /// Plan of pursuit; null for --method augs.
-    pub(super) plan: Option<&'a Spending>,
-    /// Supplementary Gaussians removed because the joint phase made them transparent.
-    pub(super) faded_gaussians: u32,
-    /// Whether `vertex` is the original base, because the changed one is worse without the supplement.
-    pub(super) original_kept: bool,
+}
+
+/// What the augmentation takes.
+#[derive(Serialize)]
+pub(super) struct Costs {
     pub(super) seconds: Seconds,
     /// Peak device memory, MB.
     pub(super) device_megabytes: f64,
     /// Stages of a joint step, in the order of their first run; empty if the device has no timestamps.
     pub(super) stages: Vec<StageMean>,
-    /// Mean loss of the first and of the last pass of the joint phase; null if it did not run.
-    pub(super) joint_loss_first: Option<f64>,
-    pub(super) joint_loss_last: Option<f64>,
-    /// Gaussians of each placement.
-    pub(super) placements: Vec<Placement>,
-    /// Whether the output is the original base, because the test photos were worse and no budget was given.
-    /// Other fields then describe the discarded augmentation.
-    pub(super) discarded: bool,
-    /// Gain on the test views; null if there are none.
-    pub(super) gain: Option<Gain>,
 }
 
 #[derive(Serialize)]
@@ -146,7 +160,8 @@ impl Seconds {
 impl Report<'_> {
     /// Formats the report as text.
     pub(super) fn text(&self, method: Method) -> String {
-        let Report { output, device, base_gaussians, supplementary_gaussians, seconds, gain, .. } = self;
+        let Report { output, device, sizes, costs: Costs { seconds, .. }, gain, .. } = self;
+        let base_gaussians = sizes.base_gaussians;
         let times = match method {
             Method::Pursuit => {
                 let found =
@@ -155,11 +170,11 @@ impl Report<'_> {
             }
             Method::Augs => format!("screen phase {:.1} s, lifting {:.1} s", seconds.screen, seconds.lift),
         };
-        let plain = match self.plain_gaussians {
+        let plain = match sizes.plain_gaussians {
             0 => String::new(),
             plain => format!(" and {}", counted(plain as usize, "plain Gaussian")),
         };
-        let banded = match self.banded_gaussians {
+        let banded = match sizes.banded_gaussians {
             0 => String::new(),
             banded => format!(", {banded} of which got bands"),
         };
@@ -171,7 +186,7 @@ impl Report<'_> {
         format!(
             "{output}: {}{plain} on a base of {base_gaussians}{banded}{faded}{discarded}\n\
              base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
-            counted(*supplementary_gaussians as usize, "supplementary Gaussian"),
+            counted(sizes.supplementary_gaussians as usize, "supplementary Gaussian"),
             seconds.base,
             seconds.join,
             gain.as_ref().map_or(String::new(), Gain::text)

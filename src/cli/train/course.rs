@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Args, Report};
+use super::{Args, Costs, Report};
 use crate::{
     Error, Result,
     cli::{
@@ -292,9 +292,7 @@ impl Training<'_> {
             steps_per_second: f64::from(at.taken - had) / seconds,
             final_loss: mean_loss(&trained.losses[trained.losses.len().saturating_sub(photos)..]),
             largest_exposure,
-            device_megabytes,
-            buffers_grown: trained.steps.grown,
-            stages: StageMean::all(&stages),
+            costs: Costs { device_megabytes, buffers_grown: trained.steps.grown, stages: StageMean::all(&stages) },
         };
         if let Some(largest) = largest_exposure {
             note(format!("exposure: the photos' color maps differ from the identity by at most {largest:.3}"));

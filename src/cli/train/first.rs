@@ -76,19 +76,19 @@ pub(super) fn checksum(of: &Gaussians) -> u32 {
 impl Args {
     /// Scene given by --init, unless it is a file of points.
     pub(super) fn init_scene(&self) -> Result<Option<SceneFile>> {
-        match &self.init {
-            Some(file) if file.is_dir() || !is_point_cloud(file)? => self.lenient.open_file(file).map(Some),
+        match &self.model.init {
+            Some(file) if file.is_dir() || !is_point_cloud(file)? => self.model.lenient.open_file(file).map(Some),
             _ => Ok(None),
         }
     }
 
     /// Initial Gaussians: those of a file, or made from its points, the dataset's points, or random ones.
     pub(super) fn first(&self, dataset: &mut Dataset, init: Option<SceneFile>) -> Result<First> {
-        let limit = self.gaussians.or(dataset.gaussians).map(|n| n as usize);
+        let limit = self.model.gaussians.or(dataset.gaussians).map(|n| n as usize);
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
         let mut notes = Vec::new();
-        let points = match (&self.init, init) {
+        let points = match (&self.model.init, init) {
             (Some(file), None) => {
                 let cloud = read_points(file, &mut notes)?;
                 if cloud.positions.is_empty() {
@@ -103,7 +103,7 @@ impl Args {
                     let what = format!("has {} Gaussians, expected no more than --gaussians {limit}", base.len());
                     return Err(Error::input(file, what));
                 }
-                if self.points.is_some() {
+                if self.model.points.is_some() {
                     return Err(Error::input(file, "holds Gaussians, but --points is only for points"));
                 }
                 if base.is_empty() {
@@ -125,12 +125,12 @@ impl Args {
             }
             (None, _) => "sparse points",
         };
-        let wanted = [self.points, self.gaussians].into_iter().flatten().min();
+        let wanted = [self.model.points, self.model.gaussians].into_iter().flatten().min();
         let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
         let mut place = "";
         // The papers of the other strategies place their full number of points anywhere.
-        if first.sparse.is_none() && self.strategy.follows_errors() {
-            let few = match self.points {
+        if first.sparse.is_none() && self.model.strategy.follows_errors() {
+            let few = match self.model.points {
                 Some(_) => first.cloud.positions.len(),
                 None => (first.cloud.positions.len() / RANDOM_NTH).max(1),
             };
@@ -148,7 +148,7 @@ impl Args {
                  this in a comment that glint reads; other programs show the scene at the origin"
             )
         });
-        let said = match (first.sparse, self.points) {
+        let said = match (first.sparse, self.model.points) {
             (None, _) => Some(format!("the dataset has no sparse points: starting from {count} random ones{place}")),
             (Some(n), Some(wanted)) if n < wanted as usize => {
                 Some(format!("there are {n} {points}, fewer than the {wanted} that --points allows"))
@@ -158,7 +158,7 @@ impl Args {
         };
         let gaussians = from_points(&first.cloud.around(origin), &first.cloud.colors, self.degree());
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
-        let grows = self.strategy.kernel().is_some();
+        let grows = self.model.strategy.kernel().is_some();
         let most = limit.unwrap_or_else(|| if grows { default_gaussians(count, pixels) } else { count });
         notes.extend([said, grey, far].into_iter().flatten());
         Ok(First { gaussians, origin, most, begins: 0.0, notes })

@@ -55,7 +55,7 @@ impl Args {
             let megabytes = photo_bytes(pixels) as f64 / 1e6;
             note(format!("up to {megabytes:.1} MB of photos lie {place}{why}; each step copies one to the device"));
         }
-        if self.gaussians.is_none() {
+        if self.model.gaussians.is_none() {
             let on_device = on == PhotosOn::Device || on == PhotosOn::Host && host.is_none();
             first.fit(context, bytes, if on_device { pixels } else { 0 }).into_iter().for_each(note);
         }
