@@ -407,15 +407,10 @@ mod tests {
         if !std::mem::take(&mut inner.facts.info.lockstep) {
             return println!("needs llvmpipe");
         }
-        let version = inner
-            .facts
-            .info
-            .driver
-            .version
-            .strip_prefix("Mesa ")
-            .and_then(|v| v.split('.').next()?.parse::<u32>().ok());
+        let driver = &context.info().driver.version;
+        let version = driver.strip_prefix("Mesa ").and_then(|v| v.split('.').next()?.parse::<u32>().ok());
         let broken = crate::verify::check(&context).unwrap();
-        assert_eq!(!broken.is_empty(), version.unwrap() >= 24, "{}: {broken:?}", context.info().driver.version);
+        assert_eq!(!broken.is_empty(), version.unwrap() >= 24, "{driver}: {broken:?}");
     }
 
     /// If a device offers several sizes, kernels must require their size, and full subgroups. No CPU device
