@@ -72,7 +72,7 @@ const DEGREES: [u32; 3] = [0, 1, 3];
 const TRIAL: u32 = 16;
 /// Minimum number of steps of a trial. On chair degree 3 leads by 0.3 dB after 125 steps, by 1.1 dB after 250, and by 0.7 dB in the end.
 const LEAST_TRIAL: u32 = 250;
-/// Minimum time of a trial: a program needs about a second of it before the first step.
+/// Minimum time of a trial: on llvmpipe the first step begins after one second of it.
 const LEAST_TRIAL_TIME: Duration = Duration::from_secs(5);
 /// A base with harmonics must be better than constant colors by this much in the trials, dB, because bands and lobes then improve
 /// constant colors by more (docs/experiments/2026-11-28-degree.md).
@@ -170,7 +170,7 @@ impl Args {
         let chooses = self.chooses(&dataset);
         if let Some(time) = self.time.filter(|_| self.sh_degree.is_none() && !self.has_time_for_trials()) {
             note(format!(
-                "{time:?} are too short for trials: the base has constant colors, unless --sh-degree is given"
+                "--time {time:?} is too short for trials: the base has constant colors, unless --sh-degree is given"
             ));
         }
         let (mut steps, mut sh_degree) = (vec![], self.sh_degree.unwrap_or(0));

@@ -225,7 +225,7 @@ struct Report<'a> {
     costs: Costs,
 }
 
-/// What the steps take on the device.
+/// Device memory and times of the steps.
 #[derive(Serialize)]
 struct Costs {
     /// Peak device memory, MB.

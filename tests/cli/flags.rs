@@ -11,7 +11,7 @@ impl Work {
     /// third of the time: other tests run the same commands with them.
     fn made(&self, command: &str, options: &str) -> Vec<u8> {
         let arguments = format!("{command} -o made.ply --force {options}");
-        let output = run::run(self.command(&arguments).env_remove("GLINT_VALIDATION"));
+        let output = run::run(self.bare(&arguments).env_remove("GLINT_VALIDATION"));
         assert!(output.status.success(), "glint {arguments}: {}", String::from_utf8_lossy(&output.stderr));
         fs::read(self.path("made.ply")).unwrap()
     }

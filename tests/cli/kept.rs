@@ -510,7 +510,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
         let whole = work.listing();
         let fits = |budget: u64| {
             clean();
-            let mut command = work.command(arguments);
+            let mut command = work.bare(arguments);
             // Other tests run the same commands with validation layers.
             command.env("GLINT_MEMORY_BUDGET", budget.to_string()).env_remove("GLINT_VALIDATION");
             let output = run::run(&mut command);

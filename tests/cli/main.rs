@@ -1,5 +1,5 @@
-//! Tests the command line on a tiny dataset. Validation layers are on if `GLINT_VALIDATION` is set; a command
-//! then fails on any message.
+//! Tests the command line on a tiny dataset. If `GLINT_VALIDATION` is set, the first command with the same
+//! options has validation layers, and fails on any message.
 
 mod convert;
 mod datasets;
@@ -103,11 +103,18 @@ impl Work {
         self.0.path().join(name)
     }
 
-    /// A command in this folder. Layers take half of a short command's time, so only the first with the same options has them.
-    fn command(&self, arguments: &str) -> Command {
+    /// A command in this folder.
+    fn bare(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
         command.current_dir(self.0.path()).args(arguments.split_whitespace()).env_remove("RUST_LOG");
         command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        command
+    }
+
+    /// [`Work::bare`] for commands that reach the device. Layers take half of a short command's time, so only the first with the
+    /// same options has them.
+    fn command(&self, arguments: &str) -> Command {
+        let mut command = self.bare(arguments);
         let name = arguments.split_whitespace().next();
         let kind = name.into_iter().chain(arguments.split_whitespace().filter(|word| word.starts_with('-')));
         if !VALIDATED.lock().unwrap().insert(kind.collect::<Vec<_>>().join(" ")) {
@@ -147,7 +154,7 @@ impl Work {
     /// files.
     #[track_caller]
     fn refused(&self, arguments: &str, words: &[&str]) {
-        self.fails(self.command(arguments), 2, words);
+        self.fails(self.bare(arguments), 2, words);
     }
 
     /// [`Work::refused`] for a prepared command, and for any exit code.

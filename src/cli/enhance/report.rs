@@ -74,7 +74,7 @@ pub(super) struct Sizes {
     pub(super) file_bytes: u64,
 }
 
-/// What the augmentation takes.
+/// Times and device memory of the augmentation.
 #[derive(Serialize)]
 pub(super) struct Costs {
     pub(super) seconds: Seconds,

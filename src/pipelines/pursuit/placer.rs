@@ -224,7 +224,7 @@ impl Placer {
         }
         let blocks = u32::try_from(blocks).map_err(|_| too_many())?;
         pages.push(make(begin.0 as u32..views.cameras.len() as u32, begin.1..blocks, texels, pixels, cells)?);
-        // As many candidates as one sort can hold.
+        // One sort must hold all candidates.
         let largest = (bound / size_of::<Candidate>() as u64).min(1 << 26) as u32;
         let drawn = most.saturating_mul(options.draws);
         let candidates = drawn.saturating_mul(4).min(FEW_CANDIDATES).max(drawn).clamp(1, largest);
