@@ -106,26 +106,21 @@ impl Lab {
         while pursuit.advance(&mut renderer, &model, &self.views)?.is_some() {}
         let gains = pursuit.placed()?.gains;
         model.learn_counts()?;
-        let Scene { base, supplement, .. } = model.download()?;
+        // Added Gaussians follow those of the base by falling gain, around the origin of the views.
+        let whole = model.download()?;
         let count = self.base.base.len();
         let alone = |i: usize| {
-            let scene = match (kinds, &supplement) {
-                (Kinds::Lobes, Some(all)) => {
-                    let Lobes { directions, widths, sharpness } = &all.lobes;
-                    let lobes = Lobes {
-                        directions: vec![directions[i]],
-                        widths: vec![widths[i]],
-                        sharpness: vec![sharpness[i]],
-                    };
-                    let supplement = Supplement { gaussians: all.gaussians.reordered(&[i]), lobes };
-                    Scene { supplement: Some(supplement), ..self.base.clone() }
-                }
-                _ => {
-                    let order: Vec<usize> = (0..count).chain([count + i]).collect();
-                    Scene { base: base.reordered(&order), ..self.base.clone() }
-                }
-            };
-            (gains[i].into(), scene)
+            let supplement = whole.supplement.as_ref().filter(|_| kinds == Kinds::Lobes).map(|all| Supplement {
+                gaussians: all.gaussians.reordered(&[i]),
+                lobes: Lobes {
+                    directions: vec![all.lobes.directions[i]],
+                    widths: vec![all.lobes.widths[i]],
+                    sharpness: vec![all.lobes.sharpness[i]],
+                },
+            });
+            let plain = (kinds == Kinds::Plain).then_some(count + i);
+            let base = whole.base.reordered(&(0..count).chain(plain).collect::<Vec<_>>());
+            (gains[i].into(), Scene { base, supplement, ..whole.clone() })
         };
         Ok((gains.len(), self.draw(gains.len()).into_iter().map(alone).collect()))
     }
@@ -194,7 +189,10 @@ fn plot(path: &PathBuf, kinds: &[Kind]) -> std::result::Result<(), Box<dyn std::
             .x_label_area_size(34)
             .y_label_area_size(50)
             .build_cartesian_2d(range.clone().log_scale(), range.clone().log_scale())?;
-        chart.configure_mesh().light_line_style(TRANSPARENT).x_desc("predicted gain").y_desc("true gain").draw()?;
+        let power = |gain: &f64| format!("{gain:.0e}");
+        let mut mesh = chart.configure_mesh();
+        mesh.x_labels(5).x_label_formatter(&power).y_label_formatter(&power).light_line_style(TRANSPARENT);
+        mesh.x_desc("predicted gain").y_desc("true gain").draw()?;
         for factor in [0.5, 1.0, 2.0] {
             let line = [range.start, range.end].map(|x| (x, (x * factor).clamp(range.start, range.end)));
             chart.draw_series([PathElement::new(line, BLACK.mix(if factor == 1.0 { 0.8 } else { 0.3 }))])?;
