@@ -194,7 +194,8 @@ fn plot(path: &PathBuf, kinds: &[Kind]) -> std::result::Result<(), Box<dyn std::
         mesh.x_labels(5).x_label_formatter(&power).y_label_formatter(&power).light_line_style(TRANSPARENT);
         mesh.x_desc("predicted gain").y_desc("true gain").draw()?;
         for factor in [0.5, 1.0, 2.0] {
-            let line = [range.start, range.end].map(|x| (x, (x * factor).clamp(range.start, range.end)));
+            let ends = [range.start.max(range.start / factor), range.end.min(range.end / factor)];
+            let line = ends.map(|x| (x, x * factor));
             chart.draw_series([PathElement::new(line, BLACK.mix(if factor == 1.0 { 0.8 } else { 0.3 }))])?;
         }
         let dots = kind.gains.iter().map(|&[x, y, _]| Circle::new((x, y.max(range.start)), 2, BLUE.mix(0.6).filled()));
