@@ -1,9 +1,10 @@
 //! Measures the time of one training step, stage by stage, on a dataset, the built-in scene or random
 //! Gaussians.
 //!
-//!     cargo bench --bench step -- [DATASET | --size WxH [--overlap X]] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--tile WxH] [--half] [--json]
+//!     cargo bench --bench step -- [DATASET | --size WxH [--overlap X]] [--gaussians N] [--max-size N] [--steps N] [--sh-degree L] [--tile WxH] [--half] [--host] [--json]
 //!
-//! With a size, random Gaussians train on renders of other random Gaussians.
+//! With a size, random Gaussians train on renders of other random Gaussians. With --host colors and moments lie in the host's memory, and
+//! the bytes are printed that a step would move over a bus.
 //!
 //! Before timing, an image by the same kernels is compared with the float64 twin.
 
@@ -17,6 +18,7 @@ use glint::{
     data::{Dataset, DatasetOptions, Split, builtin::builtin_scene},
     gpu::{Context, ContextOptions, Kernel},
     pipelines::{
+        learn::{PROBED_NTH, learning_bytes},
         model::{Model, Room},
         raster::TileShape,
         render::{Needs, RenderOptions, Renderer},
@@ -27,7 +29,10 @@ use glint::{
     },
     reference::{self, Background, Options, Params, random_camera, random_scene},
     report::table::{Cell, Column, Table},
-    scene::{Scene, from_points},
+    scene::{
+        Scene, from_points,
+        layout::{bytes, sh_planes},
+    },
     stages::step_done,
     verify::task::{Load, random_task},
 };
@@ -63,6 +68,9 @@ struct Args {
     /// Keep both moments of a number in one word
     #[arg(long)]
     half: bool,
+    /// Keep colors and moments in the host's memory, as `glint train --gaussians-on host`
+    #[arg(long, conflicts_with = "size")]
+    host: bool,
     #[arg(long)]
     device: Option<String>,
     #[arg(long)]
@@ -131,13 +139,14 @@ fn run(args: &Args) -> Result<()> {
     rows.sort_by(|a, b| b.2.total_cmp(&a.2));
     let device_ms: f64 = rows.iter().map(|r| r.2).sum();
     let camera = views.cameras[0];
+    let bus_bytes = if args.host { Some(bus_bytes(&context, &model, &views, args)?) } else { None };
     if args.json {
         let stages: Vec<_> = rows.iter().map(|(n, calls, ms)| json!({"stage": n, "calls": calls, "ms": ms})).collect();
         let report = json!({
             "device": context.info().name, "driver": context.info().driver.version, "gaussians": model.count(),
             "views": views.cameras.len(), "width": camera.width, "height": camera.height,
             "sh_degree": args.sh_degree, "tile": session.policy.tile(context.info()).to_string(), "float_atomics": args.atomic, "half": args.half, "steps": args.steps, "wall_ms_per_step": wall,
-            "device_ms_per_step": device_ms, "stages": stages,
+            "device_ms_per_step": device_ms, "bus_bytes_per_step": bus_bytes, "stages": stages,
         });
         println!("{report:#}");
         return Ok(());
@@ -152,6 +161,9 @@ fn run(args: &Args) -> Result<()> {
         camera.height,
         args.steps
     );
+    if let Some(bytes) = bus_bytes {
+        println!("{:.2} MB a step over the bus: {:.2} ms at 25 GB/s\n", bytes / 1e6, bytes / 25e6);
+    }
     let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
     let mut table = Table::new(vec![
         column("stage", "stage", "", 0),
@@ -187,9 +199,26 @@ fn task(context: &Context, args: &Args) -> Result<Task> {
         context,
         views.origin,
         &Scene { base, origin: views.origin, ..Scene::default() },
-        Room::default(),
+        Room { host: args.host, ..Default::default() },
     )?;
     Ok(Task { model, views, background: dataset.background, extent: dataset.extent() as f32 })
+}
+
+/// Bytes of colors and moments that a step reads and writes, at most: those of the Gaussians that touch a tile. Projection reads colors; a
+/// step reads and writes colors and moments, and the probe of one step in four moments.
+fn bus_bytes(context: &Context, model: &Model, views: &Views, args: &Args) -> Result<f64> {
+    let mut renderer = Renderer::new(context, Needs::of(model), views, RenderOptions::default())?;
+    let (mut seen, few) = (0, views.cameras.len().div_ceil(32));
+    let some = (0..views.cameras.len()).step_by(few);
+    let count = some.len() as f64;
+    for view in some {
+        renderer.render(model, views, view as u32, [0.0; 3])?;
+        seen += renderer.raster.buffers.tile_counts.download()?.iter().filter(|&&tiles| tiles > 0).count();
+    }
+    let [_, others] = learning_bytes(args.sh_degree, args.half, true).map(|bytes| bytes as f64);
+    let colors = bytes(sh_planes(args.sh_degree)) as f64;
+    let each = colors + 2.0 * others + 2.0 * (others - colors) / f64::from(PROBED_NTH);
+    Ok(each * seen as f64 / count)
 }
 
 /// Fails unless the device's image of a random scene equals the twin's: mean difference below 1e-5 (measured:

@@ -98,7 +98,7 @@ unsafe fn frame(lent: BorrowedDevice, pool: vk::CommandPool, scene: &Path, camer
         let loading = recorder.finish();
         let model = upload.finish()?;
         let mut frames = Frames::new(&context, Limits::of(&model, width, height))?;
-        let pixels = Buffer::<[u8; 4]>::new(&context, "pixels", (width * height) as usize, Location::Readback)?;
+        let pixels = Buffer::<[u8; 4]>::new(&context, "pixels", (width * height) as usize, Location::Host)?;
         // For every frame. An invalid frame is an error and records nothing.
         let target = Pixels::Buffer(BufferRange { buffer: pixels.raw().handle(), offset: 0 });
         let view = FrameView { color: Some(Target::new(target, Texel::Rgba8)), ..FrameView::new(*camera) };

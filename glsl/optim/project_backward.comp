@@ -8,7 +8,7 @@
 // else changes: `adam` steps once all views of the step are in. Plane GEOMETRY_PLANES counts the views that
 // blend the Gaussian.
 // With NEWTON, steps use the curvature estimated from the records of earlier loss_probes; a probe changes no
-// parameter.
+// parameter. Both are SPARSE.
 // EWA backward as in 3DGS, in the whitened form of docs/design-notes.md; Adam (Kingma 2014), or SparseAdam
 // with SPARSE.
 // Limits: a Gaussian whose gradient is not finite is not changed. If only the products with very large
@@ -83,7 +83,7 @@ void main() {
     vec3 d_rgb = vec3(record[6], record[7], record[8]);
     // Blended: some derivative of this view's loss is not zero, or the record says so.
     bool blended = d_opacity != 0.0 || (OPACITY_ONLY ? w_u != 0.0 : any(notEqual(d_rgb, vec3(0.0))));
-    if (SPARSE && !blended) return;
+    if ((SPARSE || NEWTON) && !blended) return;
 
     vec4 quads[3];
     [[unroll]] for (uint q = 0; q < 3; ++q) quads[q] = geometry[q * push.stride + place];
@@ -212,6 +212,11 @@ void main() {
     }
     if (!finite(g) || !finite(d_color)) return; // guard: NaN gradients
     // Reads each coefficient of harmonics once: for the gradient by the direction, and for its step.
+    float last_step = 0.0, this_step = float(push.rates.step + 1);
+    if (NEWTON) {
+        last_step = geometry_moments[last_step_at(place)][LAST_STEP % 4];
+        pace = last_step + 1.0 == this_step ? 1.0 : PACE;
+    }
     ColorAt at = color_at(to_mean, place);
     vec3 d_to_mean = vec3(0.0);
     [[unroll]] for (uint group = 0; group < GROUPS; ++group) {
@@ -234,6 +239,10 @@ void main() {
     }
     if (blended) g.mean += (d_to_mean - to_mean * dot(to_mean, d_to_mean)) / range;
     if (!finite(g.mean)) return;
-    if (ACCUMULATE) add_gradient(g, blended, HAS_LOBES, place);
-    else step_all(g, HAS_LOBES, place);
+    if (ACCUMULATE) {
+        add_gradient(g, blended, HAS_LOBES, place);
+        return;
+    }
+    step_all(g, HAS_LOBES, place);
+    if (NEWTON) geometry_moments[last_step_at(place)][LAST_STEP % 4] = probes() ? last_step : this_step;
 }

@@ -32,9 +32,21 @@ bool probes() { return NEWTON && push.rates.probe != 0; }
 bool writes_first() { return PACKED || !probes(); }
 bool writes_second() { return !PACKED && (!NEWTON || probes()); }
 
+// Newton steps move only Gaussians that the view blends. One that the view before did not blend goes PACE
+// times as far, because it has fewer steps. More would not converge in a scene of which a view shows a small
+// part; nor would steps without a gradient, on means that the other views dilute.
+const float PACE = 2.0;
+float pace = 1.0;
+float newton_step(float g, float rate, inout float m, float d) {
+    return newton(g, pace * rate, pace * push.rates.newton, m, d);
+}
+
+// Place of LAST_STEP.
+uint last_step_at(uint place) { return MOMENTS * (LAST_STEP / 4) * push.stride + place; }
+
 float change_of(float g, float rate, inout Moments m, float c1, float c2) {
     if (!NEWTON) return adam(g, rate, m.first, m.second, c1, c2);
-    if (!probes()) return newton(g, rate, push.rates.newton, m.first, m.second);
+    if (!probes()) return newton_step(g, rate, m.first, m.second);
     m.second = curvature(g, m.second);
     return 0.0;
 }
@@ -102,7 +114,7 @@ vec3 step_packed(uint k, uint place, vec3 g) {
     uint at = quad_of(2 + k, place), word = (2 + k) % 4;
     vec3 roots = sqrt(constant_curvature), first = unpack_firsts(floatBitsToUint(sh_moments[at][word]), roots);
     [[unroll]] for (uint c = 0; c < 3; ++c) {
-        change[c] = newton(g[c], push.rates.sh, push.rates.newton, first[c], constant_curvature[c]);
+        change[c] = newton_step(g[c], push.rates.sh, first[c], constant_curvature[c]);
     }
     uint dither = dither_of(push.page_first + place, 3 * k, push.rates.step);
     sh_moments[at][word] = uintBitsToFloat(pack_firsts(first, roots, dither));
@@ -135,7 +147,7 @@ void step_sh12(uint g, uint place, vec4 values[3], vec4 grads[3]) {
             uint at = (q + 1) * push.stride + place;
             vec4 first = sh_moments[at];
             [[unroll]] for (uint c = 0; c < 4; ++c) {
-                values[n][c] += newton(grads[n][c], rate[c], push.rates.newton, first[c], constant_curvature[(4 * n + c) % 3]);
+                values[n][c] += newton_step(grads[n][c], rate[c], first[c], constant_curvature[(4 * n + c) % 3]);
             }
             sh_moments[at] = first;
         } else if (!NEWTON) {

@@ -25,6 +25,7 @@ const uint OPACITY = 3;        // logit
 const uint QUAT = 4;           // 4 planes: w, x, y, z, of any length
 const uint LOG_SCALE = 8;      // 3 planes: natural logarithms of the standard deviations
 const uint GEOMETRY_PLANES = 11;
+const uint LAST_STEP = 11;     // of the first moments only: number of the last Newton step, from 1
 const uint HALF_GEOMETRY_PLANES = 8;          // at half width, see above
 const float LOG_SCALE_STEP = 1.52587890625e-5; // 2^-16: 22 bits reach from -32 to 32, with an error of 8e-6 of a scale
 const uint ROTATION_LOW_BITS = 10;            // of a part's 20 bits

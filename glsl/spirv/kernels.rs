@@ -1135,6 +1135,7 @@ kernel! {
 pub mod constants {
 pub mod adam {
 #[doc = "bound of an unbounded parameter"] pub const FREE: f32 = 1e30;
+#[doc = ""] pub const PACE: f32 = 2.0;
 }
 pub mod adam_one {
 #[doc = ""] pub const GRADIENT_MAX: f32 = 1e17;
@@ -1204,6 +1205,7 @@ pub mod model {
 #[doc = "4 planes: w, x, y, z, of any length"] pub const QUAT: u32 = 4;
 #[doc = "3 planes: natural logarithms of the standard deviations"] pub const LOG_SCALE: u32 = 8;
 #[doc = ""] pub const GEOMETRY_PLANES: u32 = 11;
+#[doc = "of the first moments only: number of the last Newton step, from 1"] pub const LAST_STEP: u32 = 11;
 #[doc = "at half width, see above"] pub const HALF_GEOMETRY_PLANES: u32 = 8;
 #[doc = "2^-16: 22 bits reach from -32 to 32, with an error of 8e-6 of a scale"] pub const LOG_SCALE_STEP: f32 = 1.52587890625e-5;
 #[doc = "of a part's 20 bits"] pub const ROTATION_LOW_BITS: u32 = 10;

@@ -49,7 +49,11 @@ const SECTIONS: [(&str, &[&str], &[&str]); 4] = [
         &["preset", "iterations", "time", "gaussians", "bytes", "ratio", "method", "sh-degree", "exposure"],
         &["points", "strategy", "color", "halvings", "seed"],
     ),
-    ("Device", &["device"], &["deterministic", "precision", "photos-on", "twin", "unchecked", "validate"]),
+    (
+        "Device",
+        &["device"],
+        &["deterministic", "precision", "photos-on", "gaussians-on", "twin", "unchecked", "validate"],
+    ),
 ];
 /// Heading of all other options; only `--help` shows them.
 const ADVANCED: &str = "Advanced";

@@ -299,7 +299,7 @@ impl Args {
         let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
         let sh_degree = self.sh_degree.unwrap_or(0);
         let fit = self.device.with_unchecked(|context| {
-            Ok(fit(context.memory_at_most(), learning_bytes(sh_degree, false, true), pixels))
+            Ok(fit(context.memory_at_most(), learning_bytes(sh_degree, false, true).iter().sum(), pixels))
         })?;
         let most = fit.min(most_gaussians(pixels).max(points)) as u64;
         let all = default_gaussians(points, pixels) as u64 * gaussian_bytes(3, false);

@@ -11,7 +11,7 @@ pub(super) use first::fit;
 use first::{First, checksum};
 use serde::Serialize;
 use serde_json::json;
-use storage::{PhotosOn, photo_bytes};
+use storage::{GaussiansOn, PhotosOn, photo_bytes};
 
 use super::{
     CommonArgs, Look, Outcome, SceneArgs, WatchArgs, Watched, counted,
@@ -122,6 +122,13 @@ pub(super) struct Args {
     #[arg(long, value_name = "PLACE", value_enum)]
     #[serde(skip)]
     photos_on: Option<PhotosOn>,
+    /// Place of the Gaussians: the device's memory, or the device's for positions, shapes and opacities and the
+    /// host's for colors and moments, for scenes larger than the device. Each step then accesses these over the
+    /// bus. The scene does not depend on it [default: device; host if --gaussians do not fit there and the
+    /// device does not share the host's memory]
+    #[arg(long, value_name = "PLACE", value_enum)]
+    #[serde(skip)]
+    gaussians_on: Option<GaussiansOn>,
     /// Seed of random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -230,6 +237,8 @@ struct Report<'a> {
 struct Costs {
     /// Peak device memory, MB.
     device_megabytes: f64,
+    /// Buffers in the host's memory; part of `device_megabytes` if the device shares it.
+    host_megabytes: f64,
     /// Number of times that a buffer overflowed and was grown.
     buffers_grown: u32,
     /// Stages in the order of their first run; empty if the device has no timestamps.
@@ -313,7 +322,7 @@ impl Args {
     fn train(&self, context: &Context, look_at: &mut Look<'_>, read: Read<'_>, mut first: First) -> Outcome {
         let Read { began, dataset, photos, test, holdout, policy, trained_with, inputs, replace } = read;
         let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
-        let on = self.place_photos(context, &mut first, pixels);
+        let (on, gaussians_on) = self.place(context, &mut first, pixels);
         let course = Course {
             sh_degree: self.degree(),
             begins: first.begins,
@@ -333,7 +342,7 @@ impl Args {
             self.common.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
         let (views, checksums) = upload(context, &photos, dataset.background, course.halvings, self.storage(on)?)?;
         let most = control.limit.max(course.first);
-        self.tell_memory(if on == PhotosOn::Device { pixels } else { 0 }, most, course.halvings);
+        self.tell_memory(if on == PhotosOn::Device { pixels } else { 0 }, most, gaussians_on, course.halvings);
 
         let mut base = first.gaussians;
         let beginning = checksum(&base);
@@ -341,7 +350,8 @@ impl Args {
             control.begin(&mut base);
         }
         let scene = Scene { base, origin: first.origin, ..Scene::default() };
-        let room = Room { base: control.limit.saturating_sub(course.first), ..Default::default() };
+        let host = gaussians_on == GaussiansOn::Host;
+        let room = Room { base: control.limit.saturating_sub(course.first), host, ..Default::default() };
         let model = Model::upload_around(context, views.origin, &scene, room)?;
         let mut iterations = if self.time.is_some() { FIRST } else { self.iterations };
         let cost = course.cost(iterations);
@@ -412,7 +422,7 @@ impl Args {
     }
 
     /// Logs the expected device memory, with photos of `pixels` in it.
-    fn tell_memory(&self, pixels: u64, most: u32, halvings: u32) {
+    fn tell_memory(&self, pixels: u64, most: u32, gaussians_on: GaussiansOn, halvings: u32) {
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         if pixels > 0 {
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
@@ -421,12 +431,18 @@ impl Args {
             let times = if halvings == 1 { "once" } else { "twice" };
             tracing::info!("training starts on photos with sides halved {times}");
         }
-        let bytes = u64::from(most) * self.learning_bytes();
-        tracing::info!("on the device: {:.1} MB for {most} Gaussians and their moments", megabytes(bytes));
+        let bytes = u64::from(most) * self.device_bytes(gaussians_on == GaussiansOn::Host);
+        tracing::info!("on the device: {:.1} MB for {most} Gaussians", megabytes(bytes));
     }
 
-    /// Device memory of a Gaussian that learns, bytes.
-    fn learning_bytes(&self) -> u64 {
+    /// Device memory of a Gaussian that learns, bytes; with `host` without what lies in the host's memory.
+    fn device_bytes(&self, host: bool) -> u64 {
+        let [geometry, others] = self.learning_bytes();
+        if host { geometry } else { geometry + others }
+    }
+
+    /// Bytes of a Gaussian that learns: its geometry, and its color and moments.
+    fn learning_bytes(&self) -> [u64; 2] {
         let packed = self.common.learn.precision == super::Precision::Half;
         learning_bytes(self.degree(), packed, self.model.strategy.is_newton())
     }
@@ -482,8 +498,9 @@ impl Args {
         let asked = [("--gaussians", self.model.gaussians), ("--points", drawn)];
         let most = asked.into_iter().filter_map(|(option, n)| Some((n.filter(|&n| n > MANY)?, option))).max();
         let Some((n, option)) = most else { return Ok(()) };
-        let bytes = self.learning_bytes();
         self.common.device.with_unchecked(|context| {
+            let host = self.gaussians_on.map_or(context.staging_memory().is_some(), |on| on == GaussiansOn::Host);
+            let bytes = self.device_bytes(host);
             let fit = context.memory_at_most() / bytes;
             if u64::from(n) <= fit {
                 return Ok(());
@@ -498,7 +515,7 @@ impl Args {
     /// Bytes on disk next to the scene: the checkpoint, twice while one replaces another, and pictures of
     /// the first test photo if their number is known.
     fn kept_bytes(&self, control: &DensityOptions, test: &[&Photo]) -> u64 {
-        let gaussian = self.learning_bytes() + SCORE_BYTES;
+        let gaussian = self.device_bytes(false) + SCORE_BYTES;
         let checkpoint = u64::from(control.limit) * gaussian + 4 * u64::from(control.iterations);
         let pictures = match (self.eval_every, test.first(), self.time) {
             (Some(every), Some(photo), None) => {

@@ -20,6 +20,13 @@ pub const NEAR: f64 = 0.2;
 /// Maximum distance of cameras from the cube, in half sides. Beyond it, with the lens of those scenes (fov
 /// 40°), the cube would fill at most a third of a picture.
 const BLENDER_REACH: f64 = 8.0;
+/// See [`Dataset::extent`]. Cameras that stand around an object are about as far from each other's mean as from
+/// it. The path of cameras along a street is longer than that by any factor, and positions that learn in
+/// proportion to it would jump over all that a photo shows.
+const SIGHTS: f64 = 1.5;
+/// Maximum number of cameras and of points that [`Dataset::sight`] looks at.
+const SIGHT_CAMERAS: usize = 256;
+const SIGHT_POINTS: usize = 4096;
 /// Maximum longer side of the silhouettes for carving points, px.
 const SILHOUETTE_SIDE: u32 = 256;
 /// The search is given up if less than one in this number of random points is inside the region.
@@ -44,10 +51,24 @@ impl Dataset {
         if training.is_empty() { self.photos.iter().map(|photo| photo.camera).collect() } else { training }
     }
 
-    /// 1.1 × the largest distance of a training camera from the mean of their centres (3DGS); 0 if all are at
-    /// one place.
+    /// 1.1 × the largest distance of a training camera from the mean of their centres (3DGS), but at most 1.5 ×
+    /// the typical distance of what a camera sees, if there are sparse points; 0 if all cameras are at one place.
     pub fn extent(&self) -> f64 {
-        1.1 * spread(&self.viewpoints()).1
+        let extent = 1.1 * spread(&self.viewpoints()).1;
+        self.sight().map_or(extent, |sight| extent.min(SIGHTS * sight))
+    }
+
+    /// Typical distance of the sparse points that a training camera sees, scene units: the median over cameras
+    /// of their medians. `None` if none sees a point. Some cameras and points stand for all.
+    fn sight(&self) -> Option<f64> {
+        let points = &self.points.as_ref()?.positions;
+        let cameras = self.viewpoints();
+        let points: Vec<DVec3> = spaced(points, SIGHT_POINTS).map(|&p| DVec3::from_array(p)).collect();
+        let of_camera = |camera: &Camera| {
+            let seen = points.iter().filter(|&&p| sees(camera, p));
+            median(seen.map(|&p| p.distance(camera.eye())).collect())
+        };
+        median(spaced(&cameras, SIGHT_CAMERAS).filter_map(of_camera).collect())
     }
 
     /// The common target of the training cameras; `None` for a dataset without photos.
@@ -269,6 +290,16 @@ fn spread(cameras: &[Camera]) -> (DVec3, f64) {
     (mean, if farthest > 1e-9 * largest { farthest } else { 0.0 })
 }
 
+/// At most `most` of these, evenly spaced.
+fn spaced<T>(all: &[T], most: usize) -> impl Iterator<Item = &T> {
+    all.iter().step_by(all.len().div_ceil(most).max(1))
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
 fn sees(camera: &Camera, world: DVec3) -> bool {
     let (x, y, z) = camera.project(world);
     z > NEAR && x > 0.0 && x < camera.width as f64 && y > 0.0 && y < camera.height as f64
@@ -311,6 +342,21 @@ mod tests {
         (0..24).map(at).collect()
     }
 
+    /// A street of 400 units, with houses 5 to 15 units from its middle.
+    #[test]
+    fn the_extent_of_a_street_is_that_of_a_photo() {
+        let eye = |i: u32| DVec3::new(f64::from(i) * 2.0, 0.0, 0.0);
+        let mut street = dataset((0..200).map(|i| look(eye(i), eye(i) + DVec3::Z)).collect());
+        assert!((street.extent() - 1.1 * 199.0).abs() < 1e-9, "no point is known: {}", street.extent());
+        let house = |i: u32| [f64::from(i) * 0.1, 0.0, 5.0 + f64::from(i * 7 % 11)];
+        let cloud = |positions: Vec<[f64; 3]>| Some(PointCloud { colors: vec![[0; 3]; positions.len()], positions });
+        street.points = cloud((0..4000).map(house).collect());
+        // The median of distances between 5 and 15 and a fifth more, as far as a photo is wide.
+        assert!((1.5 * 9.0..1.5 * 13.0).contains(&street.extent()), "{}", street.extent());
+        street.points = cloud(vec![[0.0, 0.0, -5.0]]);
+        assert!(street.extent() > 200.0, "a point that no camera sees");
+    }
+
     #[test]
     fn cameras_around_an_object_meet_in_it() {
         let center = DVec3::new(5.0, -2.0, 7.0);
@@ -320,6 +366,10 @@ mod tests {
         assert!(focus.center.distance(center) < 0.02, "{focus:?}");
         assert!((focus.radius - 4.0).abs() < 0.05);
         assert!((data.extent() - 4.4).abs() < 0.1, "{}", data.extent());
+        let known =
+            Dataset { points: Some(PointCloud { positions: vec![center.to_array()], colors: vec![[0; 3]] }), ..data };
+        assert!((known.extent() - 4.4).abs() < 0.1, "{}", known.extent());
+        let data = known;
         let cloud = data.random_points(2000, 1);
         assert_eq!((cloud.positions.len(), cloud.colors.len()), (2000, 2000));
         assert!(cloud.positions.iter().all(|&p| witnesses(&data, p) >= 3));

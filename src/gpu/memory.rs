@@ -22,21 +22,19 @@ use super::{Check, Context, GpuError, device::Physical, features::has_extension}
 pub enum Location {
     /// Device memory; filled by [`Buffer::upload`] or by kernels.
     Device,
-    /// Host memory that the device writes and the host reads after the submission is done: status words, losses.
-    Readback,
-    /// Host memory that the host writes and the device reads.
-    Upload,
+    /// Host memory that the device accesses over the bus: staging, status words, and what does not fit the device.
+    Host,
 }
 
 impl Location {
-    const ALL: [Self; 3] = [Location::Device, Location::Readback, Location::Upload];
+    const ALL: [Self; 2] = [Location::Device, Location::Host];
 
-    /// The allocator's location. Staging uses host memory: with [`MemoryLocation::CpuToGpu`] the allocator
-    /// would use device memory, if the host can write to it, for a copy that is read once.
+    /// The allocator's location. With [`MemoryLocation::CpuToGpu`] it would use device memory, if the host can
+    /// write to it.
     fn kind(self) -> MemoryLocation {
         match self {
             Location::Device => MemoryLocation::GpuOnly,
-            Location::Readback | Location::Upload => MemoryLocation::GpuToCpu,
+            Location::Host => MemoryLocation::GpuToCpu,
         }
     }
 
@@ -47,7 +45,7 @@ impl Location {
         let host = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
         let wanted = match self {
             Location::Device => [Flags::DEVICE_LOCAL; 2],
-            Location::Readback | Location::Upload => [host | Flags::HOST_CACHED, host],
+            Location::Host => [host | Flags::HOST_CACHED, host],
         };
         let list = &memory.memory_types[..memory.memory_type_count as usize];
         let find = |flags| (0..).zip(list).find(|(i, t)| types >> i & 1 != 0 && t.property_flags.contains(flags));
@@ -72,6 +70,8 @@ pub struct Memory {
     pub most_used: u64,
     /// Bytes allocated from the device for them: buffers of up to 4 MiB share blocks of that size.
     pub taken: u64,
+    /// Bytes of buffers in the host's memory; part of `used` if the device has none of its own.
+    pub host: u64,
 }
 
 /// Keeps buffers within the device's memory. A driver may move an excess to the host's memory, where
@@ -86,10 +86,11 @@ pub(super) struct Budget {
     /// By location: true if its memory is in that heap. This includes the host's memory if there is only one
     /// heap, or the host sees no other.
     counted: [bool; Location::ALL.len()],
-    /// Bytes of the heap of [`Location::Upload`], if it is another one.
+    /// Bytes of the heap of [`Location::Host`], if it is another one.
     staging: Option<u64>,
     used: AtomicU64,
     most_used: AtomicU64,
+    host: AtomicU64,
     /// Changes only with the allocator, under its lock.
     taken: AtomicU64,
     /// Changes likewise. Bit l: a block was made for buffers of location l, and the last one stays.
@@ -103,15 +104,15 @@ impl Budget {
         let heap = Location::Device.heap(&physical.memory, types).unwrap_or(0);
         let mut most = heaps.get(heap).map_or(u64::MAX, |heap| heap.size);
         let counted = Location::ALL.map(|location| location.heap(&physical.memory, types) == Some(heap));
-        let staging = Location::Upload.heap(&physical.memory, types).filter(|&of| of != heap);
+        let staging = Location::Host.heap(&physical.memory, types).filter(|&of| of != heap);
         let staging = staging.and_then(|of| heaps.get(of)).map(|heap| heap.size);
         let shared = has_extension(&physical.extensions, ash::ext::memory_budget::NAME);
         if physical.device_type == vk::PhysicalDeviceType::CPU && !shared {
             most = host_memory().unwrap_or(most);
         }
         let most = cap.map_or(most, |cap| cap.min(most));
-        let [used, most_used, taken] = [const { AtomicU64::new(0) }; 3];
-        Budget { heap, most, shared, counted, staging, used, most_used, taken, blocks: AtomicU32::new(0) }
+        let [used, most_used, host, taken] = [const { AtomicU64::new(0) }; 4];
+        Budget { heap, most, shared, counted, staging, used, most_used, host, taken, blocks: AtomicU32::new(0) }
     }
 
     fn counts(&self, location: Location) -> bool {
@@ -146,16 +147,17 @@ impl Context {
     /// This context's memory budget and its use, bytes. Other programs and the caller's own memory count if
     /// the device has `VK_EXT_memory_budget`.
     pub fn memory(&self) -> Memory {
-        let Budget { heap, most, shared, ref used, ref most_used, ref taken, .. } = self.0.budget;
-        let [used, most_used, taken] = [used, most_used, taken].map(|bytes| bytes.load(Ordering::Relaxed));
+        let Budget { heap, most, shared, ref used, ref most_used, ref host, ref taken, .. } = self.0.budget;
+        let [used, most_used, host, taken] = [used, most_used, host, taken].map(|bytes| bytes.load(Ordering::Relaxed));
+        let memory = Memory { budget: most, used, most_used, taken, host };
         if !shared {
-            return Memory { budget: most, used, most_used, taken };
+            return memory;
         }
         let mut heaps = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut heaps);
         // SAFETY: a query of live handles; the device knows the extension; the chain lives for the call.
         unsafe { self.0.instance.get_physical_device_memory_properties2(self.0.physical, &mut properties) };
-        Memory { budget: budget(most, taken, heaps.heap_budget[heap], heaps.heap_usage[heap]), used, most_used, taken }
+        Memory { budget: budget(most, taken, heaps.heap_budget[heap], heaps.heap_usage[heap]), ..memory }
     }
 
     /// Resets [`Memory::most_used`] to the present use.
@@ -168,16 +170,20 @@ impl Context {
 /// A part of the budget, given back on drop.
 struct Share {
     bytes: u64,
+    /// Bytes in the host's memory.
+    host: u64,
     context: Context,
 }
 
 impl Share {
     fn take(context: &Context, name: &str, bytes: u64, location: Location) -> Result<Self, GpuError> {
+        let host = if location == Location::Host { bytes } else { 0 };
+        context.0.budget.host.fetch_add(host, Ordering::Relaxed);
         let bytes = if context.0.budget.counts(location) { bytes } else { 0 };
         let Memory { budget, .. } = context.memory();
         let used = context.0.budget.used.fetch_add(bytes, Ordering::Relaxed);
         // Dropped, and so returned, if it was too much.
-        let share = Share { bytes, context: context.clone() };
+        let share = Share { bytes, host, context: context.clone() };
         if bytes > 0 && used.saturating_add(bytes) > budget {
             return Err(GpuError::OverBudget { name: name.into(), bytes, used, budget });
         }
@@ -194,6 +200,7 @@ impl Share {
 impl Drop for Share {
     fn drop(&mut self) {
         self.context.0.budget.used.fetch_sub(self.bytes, Ordering::Relaxed);
+        self.context.0.budget.host.fetch_sub(self.host, Ordering::Relaxed);
     }
 }
 
@@ -424,7 +431,7 @@ impl<T: Pod> Buffer<T> {
         let context = &self.raw.context;
         // Staged through pieces of at most 64 MiB, so that a large upload does not double the memory.
         let piece = ((64 << 20) / size_of::<T>()).max(1);
-        let staging = Buffer::<T>::new(context, "staging", data.len().min(piece), Location::Upload)?;
+        let staging = Buffer::<T>::new(context, "staging", data.len().min(piece), Location::Host)?;
         for (i, part) in data.chunks(piece).enumerate() {
             staging.write_mapped(part);
             let mut recorder = context.recorder("upload")?;
@@ -448,7 +455,7 @@ impl<T: Pod> Buffer<T> {
         }
         let context = &self.raw.context;
         let piece = ((64 << 20) / size_of::<T>()).max(1);
-        let staging = Buffer::<T>::new(context, "staging", count.min(piece), Location::Readback)?;
+        let staging = Buffer::<T>::new(context, "staging", count.min(piece), Location::Host)?;
         let mut at = 0;
         while at < count {
             let n = piece.min(count - at);
@@ -461,23 +468,22 @@ impl<T: Pod> Buffer<T> {
         Ok(out)
     }
 
-    /// The contents of a [`Location::Readback`] or [`Location::Upload`] buffer; empty for device memory. Read
-    /// it only after waiting for the submission that wrote it.
+    /// The contents of a [`Location::Host`] buffer; empty for device memory. Read it only after waiting for
+    /// the submission that wrote it.
     pub fn mapped(&self) -> &[T] {
         let bytes = self.raw.allocation.as_ref().and_then(|a| a.mapped_slice()).unwrap_or(&[]);
         let bytes = &bytes[..bytes.len().min(self.len * size_of::<T>())];
         bytemuck::try_cast_slice(bytes).unwrap_or(&[])
     }
 
-    /// Writes the first elements of an [`Location::Upload`] or [`Location::Readback`] buffer; does nothing
-    /// for device memory.
-    /// No submission that uses the buffer may be in flight.
+    /// Writes the first elements of a [`Location::Host`] buffer; does nothing for device memory. No submission
+    /// that uses the buffer may be in flight.
     pub fn write_mapped(&self, data: &[T]) {
         let Some(pointer) = self.raw.allocation.as_ref().and_then(|a| a.mapped_ptr()) else { return };
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let n = bytes.len().min(self.raw.bytes as usize);
         // SAFETY: the mapping covers `raw.bytes` bytes and lives as long as the allocation; `data` is host memory of
-        // ours, so the two do not overlap. Host-coherent memory is what gpu-allocator gives for these locations.
+        // ours, so the two do not overlap. Host-coherent memory is what gpu-allocator gives for this location.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), pointer.as_ptr().cast::<u8>(), n) };
     }
 }
@@ -621,17 +627,17 @@ mod tests {
         };
         // A graphics card with all of its memory visible to the host: staging still uses host memory.
         let card = memory(&[24 << 30, 32 << 30], &[(local, 0), (host, 1), (cached, 1), (local | host, 0)]);
-        assert_eq!(heaps(&card, !0), [Some(0), Some(1), Some(1)]);
+        assert_eq!(heaps(&card, !0), [Some(0), Some(1)]);
         // A card with only a window visible.
         let window = memory(&[24 << 30, 32 << 30, 256 << 20], &[(host, 1), (local, 0), (cached, 1), (local | host, 2)]);
-        assert_eq!(heaps(&window, !0), [Some(0), Some(1), Some(1)]);
+        assert_eq!(heaps(&window, !0), [Some(0), Some(1)]);
         // One memory for all, and a device whose host sees only device memory.
-        assert_eq!(heaps(&memory(&[16 << 30], &[(local | cached, 0)]), !0), [Some(0); 3]);
+        assert_eq!(heaps(&memory(&[16 << 30], &[(local | cached, 0)]), !0), [Some(0); 2]);
         let only = memory(&[8 << 30, 8 << 30], &[(local, 1), (local | host, 1), (local, 0)]);
-        assert_eq!(heaps(&only, !0), [Some(1); 3]);
+        assert_eq!(heaps(&only, !0), [Some(1); 2]);
         // Memory types that buffers cannot use are skipped.
-        assert_eq!(heaps(&card, 0b1011), [Some(0), Some(1), Some(1)]);
-        assert_eq!(heaps(&card, 0b1001), [Some(0); 3]);
+        assert_eq!(heaps(&card, 0b1011), [Some(0), Some(1)]);
+        assert_eq!(heaps(&card, 0b1001), [Some(0); 2]);
         assert_eq!(heaps(&card, 0b0110)[0], None);
     }
 

@@ -90,6 +90,15 @@ impl Checkpoint {
         shape.copied().ok_or_else(|| Error::Usage(format!("the checkpoint has no `{name}`")))
     }
 
+    /// The values of `planes` planes, or of one fewer: before steps were counted by Gaussian, moments at half
+    /// width lacked [`LAST_STEP`](crate::scene::layout::LAST_STEP).
+    pub(super) fn planes(&self, name: &str, planes: usize, count: usize) -> Result<&[f32]> {
+        self.floats(name, planes * count).or_else(|error| match planes {
+            1.. => self.floats(name, (planes - 1) * count).map_err(|_| error),
+            0 => Err(error),
+        })
+    }
+
     /// The values of a tensor; an error unless it has exactly `count` values.
     pub(super) fn floats(&self, name: &str, count: usize) -> Result<&[f32]> {
         match self.tensors.get(name) {

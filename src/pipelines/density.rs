@@ -331,7 +331,7 @@ impl Density {
         let packed = session.policy.packed;
         let Between { quads, words } = raster.between_frames()?;
         let [alive, ranks, keys, sources, copies, sorted_keys, sorted, sorted_keys_1, sorted_1] = words;
-        let told = Buffer::new(context, "told", 1, Location::Readback)?;
+        let told = Buffer::new(context, "told", 1, Location::Host)?;
         told.write_mapped(&[0]);
         Ok(Density {
             options: *options,
@@ -339,7 +339,7 @@ impl Density {
             extent: session.extent,
             buffers: DensityBuffers::new(context, &part.capacity())?,
             by_number: ByNumber { alive, ranks, keys, sources, copies, sorted_keys, sorted, sorted_keys_1, sorted_1 },
-            scores: Planes::zeroed(context, "scores", SCORES as usize, &part.pages)?,
+            scores: Planes::zeroed(context, "scores", SCORES as usize, Location::Device, &part.pages)?,
             told,
             stages: Stages {
                 image: density_image::Stage::new(context, &density_image::Spec { workgroup_size, terms: ERRORS })?,

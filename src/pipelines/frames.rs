@@ -120,7 +120,7 @@ impl Frames {
         let buffers = FrameBuffers::new(context, &limits)?;
         let held = raster.held().len() + buffers.held().len() + OTHERS + limits.model_buffers(context.info());
         let slot = |_| {
-            let report = Buffer::new(context, "report", status::WORDS + COUNTS, Location::Readback)?;
+            let report = Buffer::new(context, "report", status::WORDS + COUNTS, Location::Host)?;
             let mut kept = if limits.timings { Kept::timed(context)? } else { Kept::default() };
             kept.reserve(held);
             Ok(Slot { kept, report })

@@ -78,7 +78,7 @@ pub struct Lesson {
     /// gradients.
     pub packed: bool,
     /// Newton's steps with the curvature from [`Learner::record_probe`], instead of Adam's. Each step then
-    /// sees one view.
+    /// sees one view, and skips Gaussians that it does not blend.
     pub newton: bool,
 }
 
@@ -107,9 +107,9 @@ pub(super) fn moments_of(packed: bool) -> usize {
     if packed { 1 } else { 2 }
 }
 
-/// Planes of moments for `planes` parameters: rounded up to whole quads if moments are not packed.
+/// Planes of moments for `planes` parameters, in whole quads.
 pub(crate) fn moment_planes(planes: usize, packed: bool) -> usize {
-    if packed { planes } else { 2 * 4 * quads(planes) }
+    moments_of(packed) * 4 * quads(planes)
 }
 
 /// Planes of moments of harmonics of `degree`. With Newton's steps only the constant band has a curvature,
@@ -124,11 +124,12 @@ pub fn sh_moments(degree: u32, packed: bool, newton: bool) -> usize {
     }
 }
 
-/// Bytes of a base Gaussian that learns all parameters, including its moments.
-pub fn learning_bytes(sh_degree: u32, packed: bool, newton: bool) -> u64 {
-    let moments = [moment_planes(GEOMETRY_PLANES, packed), sh_moments(sh_degree, packed, newton)];
-    let planes = [GEOMETRY_PLANES, sh_planes(sh_degree)].into_iter().chain(moments);
-    planes.map(bytes).sum()
+/// Bytes of a base Gaussian that learns all parameters: of its geometry, and of its color and moments, which
+/// [`Room::host`](super::model::Room::host) puts in the host's memory.
+pub fn learning_bytes(sh_degree: u32, packed: bool, newton: bool) -> [u64; 2] {
+    let moments = moment_planes(GEOMETRY_PLANES, packed);
+    let others = [sh_planes(sh_degree), moments, sh_moments(sh_degree, packed, newton)];
+    [bytes(GEOMETRY_PLANES), others.map(bytes).iter().sum()]
 }
 
 /// Planes parallel to a segment's own: moments or gradients.
@@ -164,8 +165,8 @@ impl Beside {
             (false, Segment::Base | Segment::Banded) => (geometry, sh, 0),
             (false, Segment::Supplement) => (geometry, sh, lobes),
         };
-        let pages = &model.part(lesson.segment).pages;
-        let zeroed = |name, planes| Planes::zeroed(model.context(), name, planes, pages);
+        let part = model.part(lesson.segment);
+        let zeroed = |name, planes| Planes::zeroed(model.context(), name, planes, part.sh.location(), &part.pages);
         Ok(Beside {
             geometry: zeroed("geometry_beside", geometry)?,
             sh: zeroed("sh_beside", sh)?,

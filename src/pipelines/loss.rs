@@ -121,7 +121,7 @@ impl Photometric {
             sum: loss_sum::Stage::new(context, &sum_spec)?,
             probe: probe(options.probe)?,
             buffers: LossBuffers::new(context, options)?,
-            losses: Buffer::new(context, "losses", options.losses as usize, Location::Readback)?,
+            losses: Buffer::new(context, "losses", options.losses as usize, Location::Host)?,
             unused: Unused::new(context)?,
         })
     }
@@ -129,7 +129,7 @@ impl Photometric {
     /// Makes room for `count` losses; those stored so far may be lost.
     pub fn make_room(&mut self, context: &Context, count: usize) -> Result<(), GpuError> {
         if self.losses.len() < count {
-            self.losses = Buffer::new(context, "losses", count, Location::Readback)?;
+            self.losses = Buffer::new(context, "losses", count, Location::Host)?;
         }
         Ok(())
     }

@@ -84,19 +84,26 @@ type Quads = Buffer<[f32; 4]>;
 pub struct Planes {
     name: &'static str,
     planes: usize,
+    location: Location,
     pages: Vec<Quads>,
 }
 
 impl Planes {
-    fn new(context: &Context, name: &'static str, planes: usize, pages: &[Page]) -> Result<Self, GpuError> {
-        let mut all = Planes { name, planes, pages: Vec::new() };
-        all.reserve(context, pages)?;
-        Ok(all)
+    /// Planes without pages.
+    fn none(name: &'static str, planes: usize, location: Location) -> Self {
+        Planes { name, planes, location, pages: Vec::new() }
     }
 
     /// Planes full of 0, for the pages of a segment.
-    pub fn zeroed(context: &Context, name: &'static str, planes: usize, pages: &[Page]) -> Result<Self, GpuError> {
-        let all = Self::new(context, name, planes, pages)?;
+    pub fn zeroed(
+        context: &Context,
+        name: &'static str,
+        planes: usize,
+        location: Location,
+        pages: &[Page],
+    ) -> Result<Self, GpuError> {
+        let mut all = Self::none(name, planes, location);
+        all.reserve(context, pages)?;
         let mut recorder = context.recorder("zero")?;
         all.record_zero(&mut recorder);
         recorder.submit()?.wait()?;
@@ -112,7 +119,7 @@ impl Planes {
     fn reserve(&mut self, context: &Context, pages: &[Page]) -> Result<(), GpuError> {
         for page in &pages[self.pages.len()..] {
             let len = layout::quads(self.planes) * page.capacity as usize;
-            self.pages.push(Buffer::new(context, self.name, len, Location::Device)?);
+            self.pages.push(Buffer::new(context, self.name, len, self.location)?);
         }
         Ok(())
     }
@@ -120,6 +127,11 @@ impl Planes {
     /// Number of planes per Gaussian.
     pub fn planes(&self) -> usize {
         self.planes
+    }
+
+    /// The memory in which they lie.
+    pub fn location(&self) -> Location {
+        self.location
     }
 
     /// Buffer of one page: plane p of a place is component p mod 4 of quad ⌊p / 4⌋ × capacity + place.
@@ -147,13 +159,18 @@ impl Planes {
         Ok(values)
     }
 
-    /// Uploads values of `count` places that [`Planes::values`] returned. Waits.
+    /// Uploads values of `count` places that [`Planes::values`] returned; missing planes become 0. Waits.
     pub fn restore(&self, values: &[f32], count: usize) -> Result<(), GpuError> {
         let mut first = 0;
         for page in self.pages.iter().filter(|_| self.planes > 0) {
             let capacity = page.len() / layout::quads(self.planes);
             let n = capacity.min(count.saturating_sub(first));
-            page.upload(0, &layout::page(self.planes, capacity, n, |p, place| values[p * count + first + place]))?;
+            page.upload(
+                0,
+                &layout::page(self.planes, capacity, n, |p, place| {
+                    values.get(p * count + first + place).copied().unwrap_or(0.0)
+                }),
+            )?;
             first += n;
         }
         Ok(())
@@ -198,6 +215,9 @@ pub struct Room {
     /// Half width: 128 bytes per Gaussian of degree 3 instead of 240. Harmonics are half floats; rotation and
     /// scales take 128 bits. For rendering only: such a model cannot learn.
     pub half: bool,
+    /// Colors, lobes and, when it learns, moments lie in the host's memory, where kernels access them over the
+    /// bus. Of the 544 bytes of a Gaussian of degree 3 that learns by Newton steps, 48 stay on the device.
+    pub host: bool,
 }
 
 impl Room {
@@ -227,6 +247,12 @@ impl Room {
     /// Bytes of a Gaussian's geometry, harmonics and lobe.
     pub(crate) fn bytes(&self, segment: Segment, sh_degree: u32) -> [u64; 3] {
         self.planes(segment, sh_degree).map(layout::bytes)
+    }
+
+    /// [`Room::bytes`] in device memory.
+    fn device_bytes(&self, segment: Segment, sh_degree: u32) -> [u64; 3] {
+        let [geometry, sh, lobes] = self.bytes(segment, sh_degree);
+        if self.host { [geometry, 0, 0] } else { [geometry, sh, lobes] }
     }
 
     /// Degrees of the harmonics of each segment.
@@ -294,7 +320,7 @@ impl Model {
         Self::upload_around(context, scene.origin, scene, room)
     }
 
-    /// Buffers of a model of `scene` on a device.
+    /// Buffers of a model of `scene` in device memory.
     pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
         let degrees = room.degrees(scene);
         let capacities = room.capacities(Room::counts(scene));
@@ -304,7 +330,7 @@ impl Model {
         let mut plan = Plan::default();
         for (segment, capacity) in Segment::ALL.into_iter().zip(capacities) {
             let names = NAMES[segment as usize];
-            let rows = names.into_iter().zip(room.bytes(segment, degrees[segment as usize]));
+            let rows = names.into_iter().zip(room.device_bytes(segment, degrees[segment as usize]));
             let rows = rows.map(|(name, bytes)| planned(name, u64::from(capacity), bytes));
             plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
         }
@@ -341,11 +367,12 @@ impl Model {
         let part = |segment: Segment, capacity: u32| -> Result<Part, GpuError> {
             let sh_degree = degrees[segment as usize];
             let [geometry, sh, lobes] = room.planes(segment, sh_degree);
+            let location = if room.host { Location::Host } else { Location::Device };
             let mut part = Part {
                 pages: Vec::new(),
-                geometry: Planes::new(context, "geometry", geometry, &[])?,
-                sh: Planes::new(context, "sh", sh, &[])?,
-                lobes: Planes::new(context, "lobes", lobes, &[])?,
+                geometry: Planes::none("geometry", geometry, Location::Device),
+                sh: Planes::none("sh", sh, location),
+                lobes: Planes::none("lobes", lobes, location),
                 sh_degree,
                 half: room.half,
             };
@@ -731,7 +758,7 @@ impl Upload {
         for (part, content) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
             for k in 0..part.pages.len() {
                 for (planes, values) in part.values(k, &content, origin - scene.origin) {
-                    let staging = Buffer::new(context, "staging", values.len(), Location::Upload)?;
+                    let staging = Buffer::new(context, "staging", values.len(), Location::Host)?;
                     staging.write_mapped(&values);
                     staged.push((staging, planes.clone()));
                 }

@@ -82,7 +82,7 @@ impl Photographs {
         let slot = || buffer(places.iter().map(|place| place.pixels).max().unwrap_or(0), Location::Device);
         let source = match storage {
             None | Some(Storage::Device) => Source::Device { pages: made(Location::Device)? },
-            Some(Storage::Host) => Source::Host { pages: made(Location::Upload)?, slot: slot()? },
+            Some(Storage::Host) => Source::Host { pages: made(Location::Host)?, slot: slot()? },
             Some(Storage::File(file, folder)) => {
                 let file = PhotoFile { file, folder, words: Vec::new(), staging: Vec::new() };
                 Source::File { file: Mutex::new(file), slot: slot()? }
@@ -178,7 +178,7 @@ impl PhotoFile {
         let i = match self.staging.iter().position(|buffer| Arc::strong_count(buffer.raw()) == 1) {
             Some(free) => free,
             None => {
-                self.staging.push(Buffer::new(context, "photo_staging", most, Location::Upload)?);
+                self.staging.push(Buffer::new(context, "photo_staging", most, Location::Host)?);
                 self.staging.len() - 1
             }
         };

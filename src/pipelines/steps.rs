@@ -135,8 +135,7 @@ impl Steps {
     /// For submissions of up to `most` steps. The first has one step; each later one has up to twice the
     /// previous number, as long as it takes at most half a second.
     pub fn new(context: &Context, most: u32) -> Result<Self, GpuError> {
-        let readback =
-            |i: usize| Buffer::new(context, &format!("status_readback_{i}"), words::WORDS, Location::Readback);
+        let readback = |i: usize| Buffer::new(context, &format!("status_readback_{i}"), words::WORDS, Location::Host);
         Ok(Steps {
             context: context.clone(),
             status: Buffer::zeroed(context, "status", words::WORDS)?,

@@ -184,7 +184,7 @@ impl Trainer {
             }
             counts.push((segment, count as u32));
             for (name, planes) in all {
-                kept.push((planes, checkpoint.floats(&name, planes.planes() * count)?, count));
+                kept.push((planes, checkpoint.planes(&name, planes.planes(), count)?, count));
             }
         }
         let maps = self.work.exposure.as_ref().map(|exposure| exposure.find(checkpoint)).transpose()?;

@@ -14,6 +14,9 @@ pub const BETA2: f64 = 0.999;
 /// Added to the root of the second moment, which keeps the quotient finite (3DGS).
 pub const EPSILON: f64 = 1e-15;
 
+/// Factor on the Newton step of a Gaussian that the step before did not move.
+pub const PACE: f64 = 2.0;
+
 /// Gradients are clamped to this: the square of a larger one, times the first correction of 1000, would leave
 /// float32.
 pub const GRADIENT_MAX: f64 = 1e17;
@@ -43,6 +46,11 @@ impl PlaneRate {
     /// A rate for a plane without bounds.
     pub fn free(rate: f64) -> Self {
         PlaneRate { rate, range: None }
+    }
+
+    /// The plane with `factor` times its rate.
+    pub fn times(&self, factor: f64) -> Self {
+        PlaneRate { rate: factor * self.rate, range: self.range }
     }
 
     /// The rate of a plane of a group of parameters, with that plane's range.

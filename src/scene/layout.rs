@@ -10,6 +10,8 @@ use crate::{gpu::f16, stages::constants::model};
 pub const MEAN: usize = model::MEAN as usize;
 /// First plane of the three scales' natural logarithms.
 pub const LOG_SCALE: usize = model::LOG_SCALE as usize;
+/// Number of the last Newton step, from 1: a plane of the first moments only.
+pub const LAST_STEP: usize = model::LAST_STEP as usize;
 /// First plane of the quaternion, w, x, y and z, of any length.
 pub const QUAT: usize = model::QUAT as usize;
 /// Plane of the opacity's logit.

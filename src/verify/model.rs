@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::{Bench, sort::noise};
 use crate::{
     error::Result,
-    gpu::Buffer,
+    gpu::{Buffer, Location},
     pipelines::model::{Model, Planes, Rearrange, Room, Segment, Sources},
     reference::{NONE, random_scene},
     scene::layout,
@@ -36,7 +36,7 @@ fn rearranged(bench: &Bench<'_>, model: &Model) -> Result<()> {
     let new = model.part(Segment::Base).capacity() - 9;
     let sources: Vec<u32> = (0..new).map(|t| if t % 50 == 13 { NONE } else { noise(t) % old }).collect();
     let pages = &model.part(Segment::Base).pages;
-    let moments = Planes::zeroed(context, "moments", 3, pages)?;
+    let moments = Planes::zeroed(context, "moments", 3, Location::Device, pages)?;
     for (k, page) in pages.iter().enumerate() {
         let capacity = page.capacity as usize;
         let value = |p, place| (page.first as usize + p * capacity + place) as f32;

@@ -539,13 +539,13 @@ fn memory_that_runs_out_anywhere_is_an_error() {
     }
 }
 
-/// The checkpoint of a run with photos in one place serves a run with photos in another.
+/// The checkpoint of a run with photos and Gaussians in one place serves a run with them in another.
 #[test]
-fn the_scene_does_not_depend_on_where_photos_lie() {
+fn the_scene_does_not_depend_on_where_photos_and_gaussians_lie() {
     let work = Work::new();
     work.trained(TRAIN, "whole.ply");
     let whole = fs::read(work.path("whole.ply")).unwrap();
-    for [before, after] in [["disk", "host"], ["host", "disk"]] {
+    for [before, after] in [["disk", "host --gaussians-on host"], ["host --gaussians-on host", "disk"]] {
         work.killed(&format!("{TRAIN} -o out.ply --photos-on {before}"), CHECKPOINT);
         assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
         let report = work.json(&format!("{TRAIN} -o out.ply --photos-on {after} --json"));
@@ -553,8 +553,9 @@ fn the_scene_does_not_depend_on_where_photos_lie() {
         assert!(fs::read(work.path("out.ply")).unwrap() == whole, "{before}, then {after}");
         fs::remove_file(work.path("out.ply")).unwrap();
     }
-    let said = work.said(&format!("{TRAIN} -o out.ply --photos-on disk"));
+    let said = work.said(&format!("{TRAIN} -o out.ply --photos-on disk --gaussians-on host"));
     assert!(said.contains("MB of photos lie in a temporary file next to the output; each step copies one"), "{said}");
+    assert!(said.contains("MB of the Gaussians' colors and moments lie in the host's memory; each step"), "{said}");
     assert!(fs::read(work.path("out.ply")).unwrap() == whole);
 }
 

@@ -272,6 +272,7 @@ fn a_scene_is_trained_measured_rendered_and_described() {
         "steps_per_second",
         "final_loss",
         "device_megabytes",
+        "host_megabytes",
         "buffers_grown",
         "stages",
     ]);

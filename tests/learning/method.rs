@@ -20,7 +20,7 @@ use glint::{
     },
     reference::{
         ALPHA_MAX, ALPHA_MIN, DILATION, NEAR, TRANSMITTANCE_MIN,
-        adam::{BETA1, BETA2, CURVATURE_DECAY, NEWTON_REACH, SHARPNESS_RANGE, WIDTH_RANGE},
+        adam::{BETA1, BETA2, CURVATURE_DECAY, NEWTON_REACH, PACE, SHARPNESS_RANGE, WIDTH_RANGE},
         betas::B_RANGE,
         density_apply::{COPIES, SPLIT_SCALE},
         density_noise::GATE,
@@ -107,6 +107,7 @@ fn numbers_of_training() -> BTreeMap<&'static str, f64> {
         ("Newton: least difference of a probe", LEAST_DIFFERENCE),
         ("Newton: of so many steps one is probed", PROBED_NTH.into()),
         ("Newton: part of the way, at first", NEWTON_PART.into()),
+        ("Newton: factor on a step after a pause", PACE),
     ])
 }
 

@@ -1,10 +1,11 @@
-//! Photographs in host memory or in a file: training gives the same bits as with photographs in device memory.
+//! Photographs in host memory or in a file, and Gaussians in host memory: training gives the same bits as with both in device memory.
 
 use glam::DVec3;
 use glint::{
+    gpu::Memory,
     pipelines::{
-        learn::{Lesson, Rates},
-        model::{Model, Segment},
+        learn::{Lesson, Rates, learning_bytes},
+        model::{Model, Room, Segment},
         photographs::Storage,
         train::{StepPlan, Trainer, permutations},
         views::Views,
@@ -21,8 +22,11 @@ use super::{
 const PHOTOS: u32 = 120;
 const VIEWS_PER_STEP: u32 = 2;
 
-/// Bits of the scene and of the losses after two passes, and the bytes that buffers use then.
-fn trained(storage: Storage) -> (Vec<u64>, Vec<u32>, u64) {
+const GAUSSIANS: usize = 200;
+
+/// Bits of the scene and of the losses after two passes, and the memory in use then. `host`: the Gaussians' colors and moments lie in the
+/// host's memory.
+fn trained(storage: Storage, host: bool) -> (Vec<u64>, Vec<u32>, Memory) {
     let gpu = Gpu::new();
     let cameras: Vec<Camera> = (0..PHOTOS)
         .map(|v| Camera {
@@ -37,12 +41,13 @@ fn trained(storage: Storage) -> (Vec<u64>, Vec<u32>, u64) {
         views.upload_photograph(v, &packed).unwrap();
         assert!(views.download_photograph(v).unwrap() == packed, "view {v}");
     }
-    let mut scene = random_scene(5, 200, 0, 0);
+    let mut scene = random_scene(5, GAUSSIANS, 0, 0);
     for (k, mean) in scene.base.means.iter_mut().enumerate() {
         let (x, y) = ((k * 37 % 40) as f64, (k * 59 % 30) as f64);
         *mean = cameras[0].unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
     }
-    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let room = Room { host, ..Default::default() };
+    let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).unwrap();
     let rates = Rates { mean: 1e-3, log_scale: 5e-3, quat: 1e-3, opacity: 0.025, dc: 2.5e-3, ..Default::default() };
     let plan = move |_: u32| StepPlan { rates, active_degree: 0 };
     let schedule = permutations(2 * PHOTOS, 4 * PHOTOS, 3);
@@ -52,21 +57,25 @@ fn trained(storage: Storage) -> (Vec<u64>, Vec<u32>, u64) {
     let losses = report.losses.iter().map(|loss| loss.to_bits()).collect();
     let learned = model.download().unwrap();
     assert!(bits(&learned) != bits(&scene));
-    (bits(&learned), losses, gpu.memory().used)
+    (bits(&learned), losses, gpu.memory())
 }
 
 #[test]
-fn training_gives_the_same_bits_wherever_photographs_lie() {
-    let (scene, losses, used) = trained(Storage::Device);
+fn training_gives_the_same_bits_wherever_photographs_and_gaussians_lie() {
+    let (scene, losses, all) = trained(Storage::Device, false);
     assert_eq!(losses.len(), 4 * PHOTOS as usize);
-    let file = tempfile::tempfile().unwrap();
-    for storage in [Storage::Host, Storage::File(file, "photos".into())] {
+    let file = || Storage::File(tempfile::tempfile().unwrap(), "photos".into());
+    for (storage, host) in [(Storage::Host, false), (file(), false), (Storage::Device, true), (file(), true)] {
         let in_file = matches!(storage, Storage::File(..));
-        let (other_scene, other_losses, other_used) = trained(storage);
-        assert!(other_scene == scene && other_losses == losses, "in a file: {in_file}");
+        let (other_scene, other_losses, memory) = trained(storage, host);
+        assert!(other_scene == scene && other_losses == losses, "photographs in a file: {in_file}, host: {host}");
         // 240 photographs on the device, or a slot and, in host memory, those of two submissions of up to 16 steps. A CPU
         // device has one memory for both.
-        assert!(!in_file || other_used < used, "{other_used} bytes, {used} on the device");
+        assert!(!in_file || memory.used < all.used, "{memory:?}, {all:?} on the device");
+        // Constant colors and all moments of Adam's steps; accumulated gradients add to them.
+        let [_, others] = learning_bytes(0, false, false);
+        let saved = (all.used - all.host) - (memory.used - memory.host);
+        assert!(!host || saved >= GAUSSIANS as u64 * others, "{memory:?}, {all:?} on the device");
     }
 }
 

@@ -15,6 +15,7 @@ use crate::{
         progress::{Progress, learned, note},
     },
     data::{TrainedWith, gaussian_bytes, write_ply},
+    gpu::Memory,
     pipelines::{
         checkpoint::{Checkpoint, Clock},
         density::{DensityOptions, Strategy},
@@ -257,7 +258,7 @@ impl Training<'_> {
         let (context, photos) = (&session.context, self.views.photos as usize);
         let trained = trainer.stop()?;
         let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
-        let device_megabytes = context.memory().most_used as f64 / 1e6;
+        let Memory { most_used, host, .. } = context.memory();
         // Steps that were in flight at the interrupt are done, too.
         let at = at.after(trained.losses.len() as u32);
         let ended = interrupt.asked() && at.is_going_on();
@@ -292,7 +293,12 @@ impl Training<'_> {
             steps_per_second: f64::from(at.taken - had) / seconds,
             final_loss: mean_loss(&trained.losses[trained.losses.len().saturating_sub(photos)..]),
             largest_exposure,
-            costs: Costs { device_megabytes, buffers_grown: trained.steps.grown, stages: StageMean::all(&stages) },
+            costs: Costs {
+                device_megabytes: most_used as f64 / 1e6,
+                host_megabytes: host as f64 / 1e6,
+                buffers_grown: trained.steps.grown,
+                stages: StageMean::all(&stages),
+            },
         };
         if let Some(largest) = largest_exposure {
             note(format!("exposure: the photos' color maps differ from the identity by at most {largest:.3}"));

@@ -1,4 +1,4 @@
-//! Where the training photos lie during a run.
+//! Where the training photos and the Gaussians lie during a run.
 
 use super::{
     Args, Error, Result,
@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{cli::output::folder_of, gpu::Context, pipelines::photographs::Storage};
 
-/// Maximum share of the host's memory for photos.
+/// Maximum share of the host's memory for photos and Gaussians.
 const HOST_PART: f64 = 0.5;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -31,35 +31,71 @@ impl PhotosOn {
     }
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum GaussiansOn {
+    /// The device's memory
+    Device,
+    /// The device's memory for positions, shapes and opacities, the host's for colors and moments
+    Host,
+}
+
+impl GaussiansOn {
+    /// The first that has room. `whole` and `geometry`: whether the device has room for all of the Gaussians, and for their geometry alone.
+    /// `others` are the bytes that would lie in the memory of a host that the device does not share, of which `host` are free.
+    fn choose(whole: bool, geometry: bool, host: Option<u64>, others: u64) -> Self {
+        match host {
+            Some(host) if !whole && geometry && others <= host => GaussiansOn::Host,
+            _ => GaussiansOn::Device,
+        }
+    }
+}
+
 /// Bytes of photos of `pixels`, with their smaller copies.
 pub(super) fn photo_bytes(pixels: u64) -> u64 {
     (PIXEL_BYTES * pixels as f64) as u64
 }
 
 impl Args {
-    /// Chooses where photos of `pixels` lie and limits a default maximum of Gaussians to the device's memory. Prints notes on both.
-    pub(super) fn place_photos(&self, context: &Context, first: &mut First, pixels: u64) -> PhotosOn {
-        let (bytes, host) = (self.learning_bytes(), context.staging_memory());
-        let fits = fit(context.memory_at_most(), bytes, pixels) >= first.most;
-        let on = self.photos_on.unwrap_or_else(|| PhotosOn::choose(fits, host, pixels));
-        let place = match on {
-            PhotosOn::Device => None,
-            PhotosOn::Host => Some("in the host's memory"),
-            PhotosOn::Disk => Some("in a temporary file next to the output"),
+    /// Chooses where photos of `pixels` and the Gaussians lie, and limits a default maximum of Gaussians to the device's memory. Prints
+    /// notes on all of these.
+    pub(super) fn place(&self, context: &Context, first: &mut First, pixels: u64) -> (PhotosOn, GaussiansOn) {
+        let ([geometry, others], host) = (self.learning_bytes(), context.staging_memory());
+        let fits = |bytes, pixels| fit(context.memory_at_most(), bytes, pixels) >= first.most;
+        let on = self.photos_on.unwrap_or_else(|| PhotosOn::choose(fits(geometry + others, pixels), host, pixels));
+        let (place, in_host) = match on {
+            PhotosOn::Device => (None, 0),
+            PhotosOn::Host => (Some("in the host's memory"), photo_bytes(pixels)),
+            PhotosOn::Disk => (Some("in a temporary file next to the output"), 0),
+        };
+        let why = |asked: bool, what: &str| match asked {
+            true => String::new(),
+            false => format!(", because the device's memory does not hold {what}{} Gaussians", first.most),
         };
         if let Some(place) = place {
-            let why = match self.photos_on {
-                Some(_) => String::new(),
-                None => format!(", because the device's memory does not hold them and {} Gaussians", first.most),
-            };
+            let why = why(self.photos_on.is_some(), "them and ");
             let megabytes = photo_bytes(pixels) as f64 / 1e6;
             note(format!("up to {megabytes:.1} MB of photos lie {place}{why}; each step copies one to the device"));
         }
-        if self.model.gaussians.is_none() {
-            let on_device = on == PhotosOn::Device || on == PhotosOn::Host && host.is_none();
-            first.fit(context, bytes, if on_device { pixels } else { 0 }).into_iter().for_each(note);
+        let on_device = if on == PhotosOn::Device || on == PhotosOn::Host && host.is_none() { pixels } else { 0 };
+        // A default number of Gaussians stays within the device's memory, where steps are fast.
+        let host = host.map(|host| ((HOST_PART * host as f64) as u64).saturating_sub(in_host));
+        let whole = self.model.gaussians.is_none() || fits(geometry + others, on_device);
+        let others_of_all = others.saturating_mul(first.most as u64);
+        let gaussians = self
+            .gaussians_on
+            .unwrap_or_else(|| GaussiansOn::choose(whole, fits(geometry, on_device), host, others_of_all));
+        if gaussians == GaussiansOn::Host {
+            let why = why(self.gaussians_on.is_some(), "");
+            let megabytes = others_of_all as f64 / 1e6;
+            note(format!(
+                "up to {megabytes:.1} MB of the Gaussians' colors and moments lie in the host's memory{why}; each step accesses them over the bus"
+            ));
         }
-        on
+        if self.model.gaussians.is_none() {
+            let bytes = if gaussians == GaussiansOn::Host { geometry } else { geometry + others };
+            first.fit(context, bytes, on_device).into_iter().for_each(note);
+        }
+        (on, gaussians)
     }
 
     /// The storage for photos; a file has no name and is gone when the run ends.
@@ -91,5 +127,16 @@ mod tests {
         );
         // The host's memory is the device's.
         assert_eq!(choose(false, None), PhotosOn::Disk);
+    }
+
+    #[test]
+    fn gaussians_lie_where_they_fit() {
+        // 500 bytes of colors and moments.
+        let choose = |whole, geometry, host| GaussiansOn::choose(whole, geometry, host, 500);
+        assert_eq!(choose(false, true, Some(500)), GaussiansOn::Host);
+        // Room on the device; not even for positions; too small a host; a host that the device shares.
+        let device =
+            [(true, true, Some(500)), (false, false, Some(500)), (false, true, Some(499)), (false, true, None)];
+        assert!(device.into_iter().all(|(whole, geometry, host)| choose(whole, geometry, host) == GaussiansOn::Device));
     }
 }

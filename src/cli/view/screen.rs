@@ -630,7 +630,7 @@ impl Screen {
             }
             Shown::Picture(rgb) => {
                 let words: Vec<u32> = rgb.chunks_exact(3).map(|p| self.word([p[0], p[1], p[2]])).collect();
-                let staging = Buffer::new(self.context(), "picture", words.len(), Location::Upload)?;
+                let staging = Buffer::new(self.context(), "picture", words.len(), Location::Host)?;
                 staging.write_mapped(&words);
                 // SAFETY: as above; the picture has the window's size.
                 kept = unsafe {
@@ -647,7 +647,7 @@ impl Screen {
             self.turn(commands, image, from, to);
             from = to;
             let pixels = (size[0] * size[1]) as usize;
-            let buffer = Buffer::<u32>::new(self.context(), "screenshot", pixels, Location::Readback)?;
+            let buffer = Buffer::<u32>::new(self.context(), "screenshot", pixels, Location::Host)?;
             // SAFETY: the image has that layout. The frames hold the other resources of the recorder, or
             // they are held below.
             unsafe {
@@ -706,7 +706,7 @@ impl Screen {
         self.finish()?;
         let pixels = scene.camera.pixels() as usize;
         let words = if wanted == Wanted::Color { 4 } else { 1 };
-        let buffer = Buffer::<f32>::new(self.context(), "numbers", words * pixels, Location::Readback)?;
+        let buffer = Buffer::<f32>::new(self.context(), "numbers", words * pixels, Location::Host)?;
         let target = Pixels::Buffer(BufferRange { buffer: buffer.raw().handle(), offset: 0 });
         let mut view = FrameView::new(scene.camera);
         match wanted {

@@ -7,8 +7,8 @@ use crate::{
     reference::{
         self as twin, Intersections, Options, Params,
         adam::{
-            PlaneRate, adam_one, curvature_one, dither_of, newton_one, pack_firsts, pack_moments, unit_before_step,
-            unpack_firsts, unpack_moments,
+            PACE, PlaneRate, adam_one, curvature_one, dither_of, newton_one, pack_firsts, pack_moments,
+            unit_before_step, unpack_firsts, unpack_moments,
         },
         blend_backward::Record,
         lobe,
@@ -16,7 +16,7 @@ use crate::{
         project_backward::{probe_backward, regularise, sum_records},
         tiles::Tiling,
     },
-    scene::layout::{self, Array, GEOMETRY_PLANES, LOBE_DIRECTION, OPACITY, QUAT},
+    scene::layout::{self, Array, GEOMETRY_PLANES, LAST_STEP, LOBE_DIRECTION, OPACITY, QUAT},
     stages::{kernels, status, types::StepRates},
 };
 
@@ -105,8 +105,24 @@ impl Planes<'_> {
         (params.as_flattened_mut(), beside.as_flattened_mut())
     }
 
+    /// Counts a Newton step of the places marked in `steps`, and returns the pace of all: the factor on their steps.
+    fn count_step(&mut self, steps: &[bool], moves: Moves, r: &StepRates) -> Vec<f64> {
+        let (newton, stride, [plane, _]) = (self.newton, self.stride, moves.moments(LAST_STEP, self.packed));
+        let (_, moments) = self.array(Array::Geometry);
+        let pace = |(place, &steps): (usize, &bool)| {
+            if !newton || moves.opacity_only || !steps || r.probe != 0 {
+                return 1.0;
+            }
+            let last = &mut moments[layout::at(plane, stride, place)];
+            let before = std::mem::replace(last, (r.step + 1) as f32);
+            if before == r.step as f32 { 1.0 } else { PACE }
+        };
+        steps.iter().enumerate().map(pace).collect()
+    }
+
     /// Steps the places marked in `steps`, or updates their curvature from a probe.
     fn step(&mut self, grads: &Params, steps: &[bool], moves: Moves, r: &StepRates) {
+        let pace = self.count_step(steps, moves, r);
         let rates =
             [r.mean, r.log_scale, r.quat, r.opacity, r.dc, r.sh, r.direction, r.width, r.sharpness].map(f64::from);
         // The kernel multiplies by the corrections, the twin divides.
@@ -121,7 +137,7 @@ impl Planes<'_> {
             let grads = values(grads, group.array);
             if newton && group.array == Array::Sh && group.planes.start > 0 {
                 if r.probe == 0 {
-                    self.step_bands(grads, steps, group.planes.len() / 3, &rate(group.planes.start), r);
+                    self.step_bands(grads, (steps, &pace), group.planes.len() / 3, &rate(group.planes.start), r);
                 }
                 continue;
             }
@@ -140,7 +156,10 @@ impl Planes<'_> {
                     let mut param = f64::from(params[at]);
                     match (newton, r.probe) {
                         (false, _) => adam_one(&mut param, grads[of], [&mut m, &mut v], &rate(p), correct),
-                        (true, 0) => newton_one(&mut param, grads[of], &mut m, v, &rate(p), r.newton.into()),
+                        (true, 0) => {
+                            let (rate, part) = (rate(p).times(pace[place]), pace[place] * f64::from(r.newton));
+                            newton_one(&mut param, grads[of], &mut m, v, &rate, part);
+                        }
                         (true, _) => curvature_one(grads[of], &mut v),
                     }
                     params[at] = param as f32;
@@ -163,7 +182,14 @@ impl Planes<'_> {
     }
 
     /// Newton's step of `bands` coefficients of harmonics beyond the constant one, whose curvature they use.
-    fn step_bands(&mut self, grads: &[f64], steps: &[bool], bands: usize, rate: &PlaneRate, r: &StepRates) {
+    fn step_bands(
+        &mut self,
+        grads: &[f64],
+        (steps, pace): (&[bool], &[f64]),
+        bands: usize,
+        rate: &PlaneRate,
+        r: &StepRates,
+    ) {
         let Planes { stride, page_first, packed, .. } = *self;
         let (params, moments) = self.array(Array::Sh);
         for (place, k) in
@@ -178,9 +204,11 @@ impl Planes<'_> {
                 true => unpack_firsts(moments[at(2 + k)].to_bits(), curvature),
                 false => std::array::from_fn(|c| f64::from(moments[at(4 + 3 * k + c)])),
             };
+            let (rate, part) = (rate.times(pace[place]), pace[place] * f64::from(r.newton));
             for (c, first) in first.iter_mut().enumerate() {
                 let mut param = f64::from(params[at(3 * k + c)]);
-                newton_one(&mut param, grads[(3 * k + c) * stride + place], first, curvature[c], rate, r.newton.into());
+                let grad = grads[(3 * k + c) * stride + place];
+                newton_one(&mut param, grad, first, curvature[c], &rate, part);
                 params[at(3 * k + c)] = param as f32;
             }
             if packed {
@@ -367,8 +395,9 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
         let [mean_opacity, mean_scale] = [mean_opacity, mean_scale].map(f64::from);
         regularise(&params, count, of_all, mean_opacity, mean_scale, &mut grads.params);
     }
-    let moved: Vec<bool> =
-        (0..count).map(|place| (blended[place] || !sparse) && is_sound(&grads.params, moves, place)).collect();
+    let moved: Vec<bool> = (0..count)
+        .map(|place| (blended[place] || !(sparse || newton)) && is_sound(&grads.params, moves, place))
+        .collect();
     if accumulate {
         planes.add(&grads.params, &moved, moves, &blended);
     } else {
