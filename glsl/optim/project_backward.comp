@@ -8,7 +8,7 @@
 // else changes: `adam` steps once all views of the step are in. Plane GEOMETRY_PLANES counts the views that
 // blend the Gaussian.
 // With NEWTON, steps use the curvature estimated from the records of earlier loss_probes; a probe changes no
-// parameter. Both are SPARSE.
+// parameter. Learners make both SPARSE.
 // EWA backward as in 3DGS, in the whitened form of docs/design-notes.md; Adam (Kingma 2014), or SparseAdam
 // with SPARSE.
 // Limits: a Gaussian whose gradient is not finite is not changed. If only the products with very large
@@ -83,7 +83,7 @@ void main() {
     vec3 d_rgb = vec3(record[6], record[7], record[8]);
     // Blended: some derivative of this view's loss is not zero, or the record says so.
     bool blended = d_opacity != 0.0 || (OPACITY_ONLY ? w_u != 0.0 : any(notEqual(d_rgb, vec3(0.0))));
-    if ((SPARSE || NEWTON) && !blended) return;
+    if (SPARSE && !blended) return;
 
     vec4 quads[3];
     [[unroll]] for (uint q = 0; q < 3; ++q) quads[q] = geometry[q * push.stride + place];

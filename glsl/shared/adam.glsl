@@ -32,9 +32,8 @@ bool probes() { return NEWTON && push.rates.probe != 0; }
 bool writes_first() { return PACKED || !probes(); }
 bool writes_second() { return !PACKED && (!NEWTON || probes()); }
 
-// Newton steps move only Gaussians that the view blends. One that the view before did not blend goes PACE
-// times as far, because it has fewer steps. More would not converge in a scene of which a view shows a small
-// part; nor would steps without a gradient, on means that the other views dilute.
+// A Newton step goes PACE times as far if the step before did not move the Gaussian: it has fewer steps. Four
+// times as far diverges in a scene of which a view shows a small part (docs/experiments/2026-11-29-large.md).
 const float PACE = 2.0;
 float pace = 1.0;
 float newton_step(float g, float rate, inout float m, float d) {

@@ -499,15 +499,12 @@ impl Args {
         let most = asked.into_iter().filter_map(|(option, n)| Some((n.filter(|&n| n > MANY)?, option))).max();
         let Some((n, option)) = most else { return Ok(()) };
         self.common.device.with_unchecked(|context| {
-            let host = self.gaussians_on.map_or(context.staging_memory().is_some(), |on| on == GaussiansOn::Host);
-            let bytes = self.device_bytes(host);
-            let fit = context.memory_at_most() / bytes;
+            let (fit, bytes) = (self.gaussians_at_most(context), self.device_bytes(false));
             if u64::from(n) <= fit {
                 return Ok(());
             }
-            let what = format!(
-                "{option} {n}: the device's memory holds {fit} Gaussians of {bytes} bytes; expected no more than that"
-            );
+            let what =
+                format!("{option} {n}: memory holds {fit} Gaussians of {bytes} bytes; expected no more than that");
             Err(Error::Usage(what).into())
         })
     }

@@ -24,7 +24,7 @@ const BLENDER_REACH: f64 = 8.0;
 /// it. The path of cameras along a street is longer than that by any factor, and positions that learn in
 /// proportion to it would jump over all that a photo shows.
 const SIGHTS: f64 = 1.5;
-/// Maximum number of cameras and of points that [`Dataset::sight`] looks at.
+/// Maximum number of cameras and of points in the sample of [`Dataset::sight`].
 const SIGHT_CAMERAS: usize = 256;
 const SIGHT_POINTS: usize = 4096;
 /// Maximum longer side of the silhouettes for carving points, px.
@@ -59,7 +59,7 @@ impl Dataset {
     }
 
     /// Typical distance of the sparse points that a training camera sees, scene units: the median over cameras
-    /// of their medians. `None` if none sees a point. Some cameras and points stand for all.
+    /// of their medians. At most [`SIGHT_CAMERAS`] and [`SIGHT_POINTS`] are sampled. `None` if no camera sees a point.
     fn sight(&self) -> Option<f64> {
         let points = &self.points.as_ref()?.positions;
         let cameras = self.viewpoints();
@@ -101,9 +101,8 @@ impl Dataset {
         let in_front = cameras.iter().filter(|c| c.project(meeting).2 > 0.0).count();
         // The axes of cameras that look outward meet behind them.
         let center = if 2 * in_front > cameras.len() { meeting } else { guess };
-        let mut distances: Vec<f64> = cameras.iter().map(|c| c.eye().distance(center)).collect();
-        distances.sort_by(f64::total_cmp);
-        Some(Focus { center, radius: distances[distances.len() / 2] })
+        let radius = median(cameras.iter().map(|c| c.eye().distance(center)).collect())?;
+        Some(Focus { center, radius })
     }
 
     /// Whether the training cameras surround the cube of NeRF Synthetic scenes and look at it.

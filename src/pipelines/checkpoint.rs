@@ -19,6 +19,7 @@ use crate::{
         write_tensors_about,
     },
     error::{Error, Result},
+    scene::layout::LAST_STEP,
 };
 
 /// Progress of a run that is limited by time, not by a number of steps.
@@ -90,13 +91,14 @@ impl Checkpoint {
         shape.copied().ok_or_else(|| Error::Usage(format!("the checkpoint has no `{name}`")))
     }
 
-    /// The values of `planes` planes, or of one fewer: before steps were counted by Gaussian, moments at half
-    /// width lacked [`LAST_STEP`](crate::scene::layout::LAST_STEP).
+    /// The values of `planes` planes of `count` Gaussians. Earlier versions had packed moments without the
+    /// plane [`LAST_STEP`].
     pub(super) fn planes(&self, name: &str, planes: usize, count: usize) -> Result<&[f32]> {
-        self.floats(name, planes * count).or_else(|error| match planes {
-            1.. => self.floats(name, (planes - 1) * count).map_err(|_| error),
-            0 => Err(error),
-        })
+        let without = |error| match planes == LAST_STEP + 1 {
+            true => self.floats(name, LAST_STEP * count).map_err(|_| error),
+            false => Err(error),
+        };
+        self.floats(name, planes * count).or_else(without)
     }
 
     /// The values of a tensor; an error unless it has exactly `count` values.
@@ -214,6 +216,15 @@ mod tests {
         for (name, count) in [("losses", 2), ("loss", 3)] {
             assert!(found.floats(name, count).unwrap_err().to_string().contains(name));
         }
+
+        // A plane fewer is an earlier version's; two are another scene's.
+        let columns = |rows: usize| {
+            let mut checkpoint = Checkpoint::new(1);
+            checkpoint.put("moments".into(), [rows, 2], vec![0.5; 2 * rows]);
+            checkpoint.planes("moments", LAST_STEP + 1, 2).map(<[f32]>::len).ok()
+        };
+        assert_eq!([12, 11, 10].map(columns), [Some(24), Some(22), None]);
+        assert!(found.planes("losses", 4, 1).is_err());
 
         kept.clock = Some(Clock { total: 9, taken: 70, milliseconds: 1 << 40 });
         kept.trained_with =

@@ -11,7 +11,7 @@ use crate::{
     gpu::{Buffer, GpuError, Recorder},
     scene::{
         color,
-        layout::{GEOMETRY_PLANES, LOBE_PLANES, bytes, quads, sh_planes},
+        layout::{GEOMETRY_PLANES, LAST_STEP, LOBE_PLANES, bytes, quads, sh_planes},
     },
     stages::{WORKGROUP, adam, project_backward, types::StepRates},
 };
@@ -107,9 +107,9 @@ pub(super) fn moments_of(packed: bool) -> usize {
     if packed { 1 } else { 2 }
 }
 
-/// Planes of moments for `planes` parameters, in whole quads.
+/// Planes of moments for `planes` parameters: rounded up to whole quads if moments are not packed.
 pub(crate) fn moment_planes(planes: usize, packed: bool) -> usize {
-    moments_of(packed) * 4 * quads(planes)
+    if packed { planes } else { 2 * 4 * quads(planes) }
 }
 
 /// Planes of moments of harmonics of `degree`. With Newton's steps only the constant band has a curvature,
@@ -127,7 +127,7 @@ pub fn sh_moments(degree: u32, packed: bool, newton: bool) -> usize {
 /// Bytes of a base Gaussian that learns all parameters: of its geometry, and of its color and moments, which
 /// [`Room::host`](super::model::Room::host) puts in the host's memory.
 pub fn learning_bytes(sh_degree: u32, packed: bool, newton: bool) -> [u64; 2] {
-    let moments = moment_planes(GEOMETRY_PLANES, packed);
+    let moments = moment_planes(LAST_STEP + 1, packed);
     let others = [sh_planes(sh_degree), moments, sh_moments(sh_degree, packed, newton)];
     [bytes(GEOMETRY_PLANES), others.map(bytes).iter().sum()]
 }
@@ -147,7 +147,7 @@ impl Beside {
         let sh = sh_moments(model.part(lesson.segment).sh_degree, lesson.packed, lesson.newton);
         let of = |planes| moment_planes(planes, lesson.packed);
         // An opacity alone has both moments in one quad.
-        Self::new(model, lesson, [moments_of(lesson.packed), of(GEOMETRY_PLANES), sh, of(LOBE_PLANES)])
+        Self::new(model, lesson, [moments_of(lesson.packed), of(LAST_STEP + 1), sh, of(LOBE_PLANES)])
     }
 
     /// One extra plane after the geometry's counts views.
@@ -232,7 +232,7 @@ impl Learner {
                 compensate,
                 has_lobes,
                 opacity_only,
-                sparse: sparse && !accumulate,
+                sparse: (sparse || newton) && !accumulate,
                 accumulate,
                 packed,
                 packed_records: packed,

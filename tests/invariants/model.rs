@@ -209,10 +209,9 @@ fn newton_steps_do_not_move_what_the_view_does_not_show() {
             }
             seen.push(model.download().unwrap().base);
         }
-        let moved = |from: &Gaussians, to: &Gaussians, k: usize| {
-            from.means[k] != to.means[k] || from.opacities[k].to_bits() != to.opacities[k].to_bits()
-        };
+        let moved = |from: &Gaussians, to: &Gaussians, k: usize| from.reordered(&[k]) != to.reordered(&[k]);
         let count = |from, to, some: std::ops::Range<usize>| some.filter(|&k| moved(from, to, k)).count();
+        // Of 200 in front of a camera some are transparent or hidden; a tenth of them is enough to learn.
         assert_eq!(count(&scene.base, &seen[0], 0..200), 0, "packed: {packed}");
         assert!(count(&scene.base, &seen[0], 200..400) > 20, "packed: {packed}");
         assert_eq!(count(&seen[0], &seen[1], 200..400), 0, "packed: {packed}");

@@ -92,10 +92,24 @@ impl Args {
             ));
         }
         if self.model.gaussians.is_none() {
-            let bytes = if gaussians == GaussiansOn::Host { geometry } else { geometry + others };
+            let apart = gaussians == GaussiansOn::Host && host.is_some();
+            let bytes = if apart { geometry } else { geometry + others };
             first.fit(context, bytes, on_device).into_iter().for_each(note);
         }
         (on, gaussians)
+    }
+
+    /// Number of Gaussians that fit in the memory of the device, or in those of device and host together.
+    pub(super) fn gaussians_at_most(&self, context: &Context) -> u64 {
+        let ([geometry, others], memory) = (self.learning_bytes(), context.memory_at_most());
+        let whole = memory / (geometry + others);
+        let of_host = |host: u64| (HOST_PART * host as f64) as u64 / others;
+        let apart = context.staging_memory().map(|host| of_host(host).min(memory / geometry));
+        match (self.gaussians_on, apart) {
+            (Some(GaussiansOn::Device), _) | (_, None) => whole,
+            (Some(GaussiansOn::Host), Some(apart)) => apart,
+            (None, Some(apart)) => whole.max(apart),
+        }
     }
 
     /// The storage for photos; a file has no name and is gone when the run ends.

@@ -395,9 +395,8 @@ pub(super) fn project_backward(h: kernels::project_backward::Host<'_>) -> Outcom
         let [mean_opacity, mean_scale] = [mean_opacity, mean_scale].map(f64::from);
         regularise(&params, count, of_all, mean_opacity, mean_scale, &mut grads.params);
     }
-    let moved: Vec<bool> = (0..count)
-        .map(|place| (blended[place] || !(sparse || newton)) && is_sound(&grads.params, moves, place))
-        .collect();
+    let moved: Vec<bool> =
+        (0..count).map(|place| (blended[place] || !sparse) && is_sound(&grads.params, moves, place)).collect();
     if accumulate {
         planes.add(&grads.params, &moved, moves, &blended);
     } else {
