@@ -1,11 +1,16 @@
 //! A scene on the device: its segments, each in pages, and the number of Gaussians in each.
 
-use std::{
-    ops::Range,
-    sync::atomic::{AtomicBool, Ordering},
-};
+mod planes;
+mod rearrange;
+mod upload;
+
+use std::ops::Range;
 
 use glam::DVec3;
+pub use planes::Planes;
+use planes::Quads;
+pub use rearrange::{Rearrange, Sources};
+pub use upload::Upload;
 
 use super::{
     plan::{Held, Plan, Planned},
@@ -23,7 +28,7 @@ use crate::{
         WORKGROUP,
         blocks::items_per_group,
         constants::{constants::NONE, population},
-        dispatch_args, gather, recount,
+        recount,
         status::{self, Resource},
         types::Page,
     },
@@ -76,106 +81,6 @@ impl Segment {
 
 /// Number of segments.
 pub const SEGMENTS: usize = population::SEGMENTS as usize;
-
-/// A page of planes, four to a quad: see `glsl/shared/model.glsl`.
-type Quads = Buffer<[f32; 4]>;
-
-/// Values of a segment's Gaussians: a number of planes, page by page.
-pub struct Planes {
-    name: &'static str,
-    planes: usize,
-    location: Location,
-    pages: Vec<Quads>,
-}
-
-impl Planes {
-    /// Planes without pages.
-    fn none(name: &'static str, planes: usize, location: Location) -> Self {
-        Planes { name, planes, location, pages: Vec::new() }
-    }
-
-    /// Planes full of 0, for the pages of a segment.
-    pub fn zeroed(
-        context: &Context,
-        name: &'static str,
-        planes: usize,
-        location: Location,
-        pages: &[Page],
-    ) -> Result<Self, GpuError> {
-        let mut all = Self::none(name, planes, location);
-        all.reserve(context, pages)?;
-        let mut recorder = context.recorder("zero")?;
-        all.record_zero(&mut recorder);
-        recorder.submit()?.wait()?;
-        Ok(all)
-    }
-
-    /// Sets all planes to 0.
-    pub fn record_zero(&self, recorder: &mut Recorder) {
-        self.pages.iter().for_each(|page| recorder.fill(page, 0));
-    }
-
-    /// Makes the pages that are missing; their contents are undefined.
-    fn reserve(&mut self, context: &Context, pages: &[Page]) -> Result<(), GpuError> {
-        for page in &pages[self.pages.len()..] {
-            let len = layout::quads(self.planes) * page.capacity as usize;
-            self.pages.push(Buffer::new(context, self.name, len, self.location)?);
-        }
-        Ok(())
-    }
-
-    /// Number of planes per Gaussian.
-    pub fn planes(&self) -> usize {
-        self.planes
-    }
-
-    /// The memory in which they lie.
-    pub fn location(&self) -> Location {
-        self.location
-    }
-
-    /// Buffer of one page: plane p of a place is component p mod 4 of quad ⌊p / 4⌋ × capacity + place.
-    pub fn page(&self, page: usize) -> &Quads {
-        &self.pages[page]
-    }
-
-    /// The values of plane p of all places, page after page. Waits.
-    pub fn download(&self) -> Result<Vec<Vec<f32>>, GpuError> {
-        let mut all = vec![Vec::new(); self.planes];
-        for page in &self.pages {
-            let quads = page.download()?;
-            let capacity = quads.len() / layout::quads(self.planes).max(1);
-            for (p, plane) in all.iter_mut().enumerate() {
-                plane.extend(quads[p / 4 * capacity..][..capacity].iter().map(|quad| quad[p % 4]));
-            }
-        }
-        Ok(all)
-    }
-
-    /// The values of the first `count` places, plane after plane. Waits.
-    pub fn values(&self, count: usize) -> Result<Vec<f32>, GpuError> {
-        let mut values = Vec::with_capacity(self.planes * count);
-        self.download()?.iter().for_each(|plane| values.extend_from_slice(&plane[..count.min(plane.len())]));
-        Ok(values)
-    }
-
-    /// Uploads values of `count` places that [`Planes::values`] returned; missing planes become 0. Waits.
-    pub fn restore(&self, values: &[f32], count: usize) -> Result<(), GpuError> {
-        let mut first = 0;
-        for page in self.pages.iter().filter(|_| self.planes > 0) {
-            let capacity = page.len() / layout::quads(self.planes);
-            let n = capacity.min(count.saturating_sub(first));
-            page.upload(
-                0,
-                &layout::page(self.planes, capacity, n, |p, place| {
-                    values.get(p * count + first + place).copied().unwrap_or(0.0)
-                }),
-            )?;
-            first += n;
-        }
-        Ok(())
-    }
-}
 
 /// The parameters of one segment.
 pub struct Part {
@@ -646,7 +551,7 @@ impl Part {
             true => layout::pack_geometry_page(capacity, count, own),
             false => layout::page(GEOMETRY_PLANES, capacity, count, own),
         };
-        let sh = layout::page(self.sh.planes, capacity, count, |p, place| match self.half {
+        let sh = layout::page(self.sh.planes(), capacity, count, |p, place| match self.half {
             true => {
                 let half = |p| layout::sh(gaussians, first + place, p);
                 layout::pack_halves(half(2 * p), half(2 * p + 1))
@@ -710,196 +615,8 @@ struct Content<'a> {
     lobes: Option<&'a Lobes>,
 }
 
-/// An upload of a scene by the caller's own command buffer: it does not submit or wait. Any thread may
-/// prepare it while others draw.
-///
-/// The command buffer may belong to another queue than the frames', if that queue supports compute; separate
-/// the two by a semaphore. Buffers belong to one queue family: from another family, release each of
-/// [`Model::held`] there, and acquire it on the frames' queue before the first frame. As with a frame, the
-/// bound compute pipeline, descriptor set 0 and push constants change. Keep the result of
-/// [`Recorder::finish`](crate::gpu::Recorder::finish) until the commands have run.
-pub struct Upload {
-    model: Model,
-    /// Pairs of staging memory and its destination.
-    staged: Vec<(Quads, Quads)>,
-    status: Buffer<u32>,
-    /// Until it is set, the model has neither contents nor counts.
-    recorded: AtomicBool,
-}
-
-impl Upload {
-    /// Memory of an upload in addition to its model, until its commands have run. It is host memory, which
-    /// counts against a context's budget if device and host share theirs, and as large as the filled pages.
-    /// [`Model::upload_around`], which waits, stages at most 64 MiB.
-    pub fn plan(device: &DeviceInfo, scene: &Scene, room: Room) -> Plan {
-        let (degrees, counts) = (room.degrees(scene), Room::counts(scene));
-        let limit = room.page_limit(device, room.degree(scene));
-        let mut plan = Plan::default();
-        for (segment, capacity) in Segment::ALL.into_iter().zip(room.capacities(counts)) {
-            let s = segment as usize;
-            // Pages are staged whole.
-            let elements = capacity.min(counts[s].div_ceil(limit).saturating_mul(limit)).into();
-            let rows = NAMES[s].into_iter().zip(room.bytes(segment, degrees[s]));
-            let rows = rows.map(|(name, element_bytes)| Planned { name, elements, element_bytes });
-            plan.0.extend(rows.filter(|row| row.elements * row.element_bytes > 0));
-        }
-        plan.0.push(Planned { name: "recount status", elements: status::WORDS as u64, element_bytes: 4 });
-        plan
-    }
-
-    /// Allocates device memory for `scene`, in coordinates relative to `origin`, and fills staging memory on
-    /// the host: see [`Model::plan`] and [`Upload::plan`].
-    ///
-    /// # Errors
-    /// If memory does not suffice.
-    pub fn prepare(context: &Context, origin: DVec3, scene: &Scene, room: Room) -> Result<Self> {
-        let model = Model::allocate(context, origin, scene, room)?;
-        let mut staged = Vec::new();
-        for (part, content) in model.parts.iter().zip(segments_of(scene, &Supplement::default())) {
-            for k in 0..part.pages.len() {
-                for (planes, values) in part.values(k, &content, origin - scene.origin) {
-                    let staging = Buffer::new(context, "staging", values.len(), Location::Host)?;
-                    staging.write_mapped(&values);
-                    staged.push((staging, planes.clone()));
-                }
-            }
-        }
-        let status = Buffer::new(context, "recount status", status::WORDS, Location::Device)?;
-        Ok(Upload { model, staged, status, recorded: AtomicBool::new(false) })
-    }
-
-    /// Records the copies, and the kernel that makes dispatches from the counts. The command buffer's queue
-    /// must support compute.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if the recorder is of another context; then nothing is recorded.
-    pub fn record(&self, recorder: &mut Recorder) -> Result<()> {
-        if !recorder.context().is_same(&self.model.context) {
-            return Err(Error::Usage("a recorder of another context than the upload's".into()));
-        }
-        for (staging, planes) in &self.staged {
-            recorder.copy(staging, 0, planes, 0, staging.len());
-        }
-        let pages: Vec<Page> = self.model.parts.iter().flat_map(|part| part.pages.iter().copied()).collect();
-        recorder.update(&self.model.pages, 0, &pages);
-        recorder.update(&self.model.segment_counts, 0, &self.model.known);
-        recorder.fill(&self.status, 0);
-        self.model.record_recount(recorder, None, &self.status);
-        // Any later command on the queue may read it.
-        recorder.barrier();
-        self.recorded.store(true, Ordering::Release);
-        Ok(())
-    }
-
-    /// Whether [`Upload::record`] was called.
-    pub fn is_recorded(&self) -> bool {
-        self.recorded.load(Ordering::Acquire)
-    }
-
-    /// Returns the model. The commands need not have run yet, as long as readers come later on the same
-    /// queue, or wait. The recorded commands keep the staging memory (see [`Kept`](crate::gpu::Kept)).
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if it was not recorded: frames would draw uninitialised memory with an arbitrary
-    /// count.
-    pub fn finish(self) -> Result<Model> {
-        match self.is_recorded() {
-            true => Ok(self.model),
-            false => Err(Error::Usage("an upload that was not recorded has nothing on the device".into())),
-        }
-    }
-}
-
 /// Shifts a coordinate, rounding once; with no shift the bits stay, including −0 and NaN.
 fn moved(coordinate: f32, by: f64) -> f32 {
     // guard: bits at the world's origin
     if by == 0.0 { coordinate } else { (f64::from(coordinate) + by) as f32 }
-}
-
-/// Rearranges the Gaussians of a segment: they can be dropped, reordered or duplicated.
-pub struct Rearrange {
-    gather: gather::Stage,
-    dispatch_args: dispatch_args::Stage,
-    args: Buffer<u32>,
-    gathered: Quads,
-    targets: u32,
-}
-
-/// New arrangement of a segment's Gaussians.
-#[derive(Clone, Copy)]
-pub struct Sources<'a> {
-    /// Old number by new number; [`NONE`] sets all planes to 0.
-    pub sources: &'a Buffer<u32>,
-    /// Word `index` of `count` is the new number of Gaussians.
-    pub count: &'a Buffer<u32>,
-    /// See `count`.
-    pub index: u32,
-}
-
-impl Rearrange {
-    /// Rearranges into up to `targets` Gaussians.
-    pub fn new(context: &Context, targets: u32) -> Result<Self, GpuError> {
-        Self::with(context, targets, Buffer::new(context, "gathered", targets as usize, Location::Device)?)
-    }
-
-    /// [`Rearrange::new`] with the caller's scratch buffer `gathered`, one quad per Gaussian.
-    pub(super) fn with(context: &Context, targets: u32, gathered: Quads) -> Result<Self, GpuError> {
-        Ok(Rearrange {
-            gather: gather::Stage::new(context, &gather::Spec { workgroup_size: context.info().workgroup(WORKGROUP) })?,
-            dispatch_args: dispatch_args::Stage::new(context, &dispatch_args::Spec { workgroup_size: 1 })?,
-            args: Buffer::new(context, "rearrange_args", 3, Location::Device)?,
-            gathered,
-            targets,
-        })
-    }
-
-    /// Rearranges the Gaussians of `segment`, together with their planes in `others` (moments). A count
-    /// beyond the room is clamped and reported in `status`.
-    pub fn record(
-        &self,
-        recorder: &mut Recorder,
-        model: &Model,
-        segment: Segment,
-        from: Sources<'_>,
-        others: &[&Planes],
-        status: &Buffer<u32>,
-    ) {
-        let part = model.part(segment);
-        let Sources { sources, count: words, index: count_index } = from;
-        self.dispatch_args.record(
-            recorder,
-            &dispatch_args::Buffers { count: words, dispatch_args: &self.args, status },
-            &dispatch_args::Push {
-                count_index,
-                capacity: self.targets.min(part.capacity()),
-                items_per_group: self.gather.workgroup_size(),
-                args_index: 0,
-                resource_index: segment.resource().index(),
-            },
-            1,
-        );
-        for planes in [&part.geometry, &part.sh, &part.lobes].into_iter().chain(others.iter().copied()) {
-            for quad in 0..layout::quads(planes.planes) {
-                for (k, page) in part.pages.iter().enumerate() {
-                    let push = gather::Push {
-                        count_index,
-                        targets: self.targets,
-                        page_first: page.first,
-                        stride: page.capacity,
-                        quad: quad as u32,
-                    };
-                    let buffers =
-                        gather::Buffers { count: words, sources, from: planes.page(k), gathered: &self.gathered };
-                    self.gather.record_indirect(recorder, &buffers, &push, &self.args, 0);
-                }
-                for (k, page) in part.pages.iter().enumerate().filter(|(_, page)| page.first < self.targets) {
-                    let n = page.capacity.min(self.targets - page.first) as usize;
-                    let to = quad * page.capacity as usize;
-                    recorder.copy(&self.gathered, page.first as usize, planes.page(k), to, n);
-                }
-            }
-        }
-        recorder.copy(words, count_index as usize, &model.segment_counts, segment as usize, 1);
-        model.record_recount(recorder, None, status);
-    }
 }
