@@ -19,7 +19,7 @@ pub struct Rearrange {
 /// New arrangement of a segment's Gaussians.
 #[derive(Clone, Copy)]
 pub struct Sources<'a> {
-    /// Old number by new number; [`NONE`] sets all planes to 0.
+    /// Old number by new number; [`NONE`](crate::stages::constants::constants::NONE) sets all planes to 0.
     pub sources: &'a Buffer<u32>,
     /// Word `index` of `count` is the new number of Gaussians.
     pub count: &'a Buffer<u32>,
