@@ -2,7 +2,6 @@
 //! run and across an interruption.
 
 use glint::{
-    data::builtin::builtin_scene,
     pipelines::{
         density::{BUDGET_SPAN, Density, DensityOptions, Strategy},
         model::{Model, Room, Segment},
@@ -14,8 +13,9 @@ use glint::{
 };
 
 use super::{
-    bits,
+    bits, built,
     common::{Gpu, session},
+    quarter,
 };
 
 fn strategies() -> impl Iterator<Item = Strategy> {
@@ -28,12 +28,13 @@ struct Setup {
     start: Gaussians,
 }
 
-fn setup(gpu: &Gpu, points: usize) -> Setup {
-    let built = builtin_scene(points);
-    let photos: Vec<_> = built.photos.iter().filter(|p| !p.is_test).step_by(9).collect();
-    let cameras: Vec<Camera> = photos.iter().map(|p| p.camera).collect();
-    let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
-    let views = Views::upload(gpu, &cameras, &images).unwrap();
+/// Six photographs and some points; `whole` photographs have sixteen times the pixels.
+fn setup(gpu: &Gpu, points: usize, whole: bool) -> Setup {
+    let built = built(points);
+    let photos = built.photos.iter().filter(|p| !p.is_test).step_by(9);
+    let (cameras, photos): (Vec<Camera>, Vec<Vec<u8>>) =
+        photos.map(|photo| if whole { (photo.camera, photo.rgb.clone()) } else { quarter(photo) }).unzip();
+    let views = Views::upload(gpu, &cameras, &photos.iter().map(|p| &p[..]).collect::<Vec<_>>()).unwrap();
     let points = built.dataset().points.unwrap();
     let start = from_points(&points.around(glam::DVec3::ZERO), &points.colors, 1);
     let session = Session { background: built.background, extent: 2.0, seed: 5, ..session(gpu) };
@@ -63,10 +64,11 @@ impl Setup {
 #[test]
 fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_checkpoint() {
     let gpu = Gpu::new();
-    let mut setup = setup(&gpu, 500);
-    let first = setup.start.len() as u32;
     let mut last_losses = Vec::new();
     for (strategy, packed) in strategies().map(|strategy| (strategy, false)).chain([(Strategy::Budget, true)]) {
+        // The losses of the budget are compared.
+        let mut setup = setup(&gpu, 500, strategy == Strategy::Budget);
+        let first = setup.start.len() as u32;
         setup.session.policy.packed = packed;
         let limit = first + first / 4;
         let density = setup.options(strategy, limit, 200);
@@ -136,7 +138,7 @@ fn checkpoint_is_larger(checkpoint: &glint::pipelines::checkpoint::Checkpoint, f
 #[test]
 fn a_limit_that_is_reached_holds_and_a_model_without_room_is_refused() {
     let gpu = Gpu::new();
-    let setup = setup(&gpu, 300);
+    let setup = setup(&gpu, 300, false);
     let first = setup.start.len() as u32;
     for strategy in strategies() {
         let density = setup.options(strategy, first, 60);
@@ -156,7 +158,7 @@ fn a_limit_that_is_reached_holds_and_a_model_without_room_is_refused() {
 #[test]
 fn scenes_at_the_edge_of_having_gaussians_train() {
     let gpu = Gpu::new();
-    let setup = setup(&gpu, 200);
+    let setup = setup(&gpu, 200, false);
     let n = setup.start.len();
     let cut = |count: usize| setup.start.reordered(&(0..count).collect::<Vec<_>>());
     let mut dead = cut(n);

@@ -7,7 +7,7 @@ use glint::{
     Error,
     data::{
         Image, Photo, PixelSource, Split,
-        builtin::{Part, builtin_scene, render_truth},
+        builtin::{Part, render_truth},
     },
     pipelines::{
         density::{DensityOptions, Strategy},
@@ -24,7 +24,7 @@ use glint::{
 };
 
 use super::{
-    bits,
+    bits, built,
     common::{Gpu, session},
 };
 
@@ -45,7 +45,7 @@ struct Setup {
 
 impl Setup {
     fn new(gpu: &Gpu) -> Self {
-        let built = builtin_scene(GAUSSIANS as usize);
+        let built = built(GAUSSIANS as usize);
         let small = |camera: &Camera| {
             let by = f64::from(SIDE) / f64::from(camera.width);
             let Camera { fx, fy, cx, cy, .. } = *camera;

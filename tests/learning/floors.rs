@@ -2,7 +2,7 @@
 //! lifting and joining, and for `train` and `enhance` without options.
 
 use glint::{
-    data::{Photo, Split, builtin::builtin_scene},
+    data::{Photo, Split},
     pipelines::{
         density::{DensityOptions, Strategy},
         enhance::{EnhanceOptions, Enhancer, Event},
@@ -22,7 +22,10 @@ use glint::{
     stages::types::Lift,
 };
 
-use super::common::{Gpu, session};
+use super::{
+    built,
+    common::{Gpu, session},
+};
 
 /// Mean PSNR of a batch's training views: of the base alone, and with its 2D Gaussians over it.
 fn on_screen(refiner: &Refiner, photos: &[&Photo], background: [f32; 3]) -> (f64, f64) {
@@ -47,7 +50,7 @@ fn on_screen(refiner: &Refiner, photos: &[&Photo], background: [f32; 3]) -> (f64
 #[test]
 fn every_stage_is_worth_its_decibels() {
     let gpu = Gpu::new();
-    let dataset = builtin_scene(2000).dataset();
+    let dataset = built(2000).dataset();
     let train: Vec<&Photo> = photos_of(&dataset, Some(Split::Train)).unwrap().into_iter().step_by(4).collect();
     let test = photos_of(&dataset, Some(Split::Test)).unwrap();
     let background = dataset.background;
@@ -119,7 +122,7 @@ fn every_stage_is_worth_its_decibels() {
 #[test]
 fn what_is_done_by_default_is_worth_its_decibels() {
     let gpu = Gpu::new();
-    let dataset = builtin_scene(500).dataset();
+    let dataset = built(500).dataset();
     let train: Vec<&Photo> = photos_of(&dataset, Some(Split::Train)).unwrap().into_iter().step_by(4).collect();
     let test = photos_of(&dataset, Some(Split::Test)).unwrap();
     let background = dataset.background;

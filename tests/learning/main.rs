@@ -13,7 +13,32 @@ mod pursuit;
 mod pursuit_edges;
 mod screen;
 
-use glint::{reference::Params, scene::Scene};
+use std::sync::LazyLock;
+
+use glint::{
+    data::builtin::{BuiltinPhoto, BuiltinScene, builtin_scene},
+    reference::Params,
+    scene::{Camera, Scene},
+};
+
+/// The built-in scene with `points` of its points. Tracing its photographs takes seconds, so all tests share them.
+fn built(points: usize) -> BuiltinScene {
+    static SCENE: LazyLock<BuiltinScene> = LazyLock::new(|| builtin_scene(2000));
+    let mut scene = SCENE.clone();
+    scene.point_positions.truncate(points);
+    scene.point_colors.truncate(points);
+    scene
+}
+
+/// A photograph's camera and pixels with every fourth row and column, for tests to which sizes mean nothing.
+fn quarter(photo: &BuiltinPhoto) -> (Camera, Vec<u8>) {
+    let Camera { width, height, fx, fy, cx, cy, .. } = photo.camera;
+    let [fx, fy, cx, cy] = [fx, fy, cx, cy].map(|v| v / 4.0);
+    let camera = Camera { width: width / 4, height: height / 4, fx, fy, cx, cy, ..photo.camera };
+    let at = |p: u32| 3 * (4 * (p / camera.width) * width + 4 * (p % camera.width)) as usize;
+    let pixels = (0..camera.width * camera.height).flat_map(|p| photo.rgb[at(p)..][..3].to_vec());
+    (camera, pixels.collect())
+}
 
 /// Every float as its bits: distinguishes 0 from −0, and NaN equals itself.
 fn bits(scene: &Scene) -> Vec<u64> {

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use glint::{
-    data::builtin::builtin_scene,
     pipelines::{
         density,
         enhance::EnhanceOptions,
@@ -41,7 +40,10 @@ use glint::{
     },
 };
 
-use super::common::{Gpu, session};
+use super::{
+    built,
+    common::{Gpu, session},
+};
 
 /// Values of rendering and of the base's training, by the table's names.
 fn numbers_of_training() -> BTreeMap<&'static str, f64> {
@@ -205,7 +207,7 @@ fn rates_of_positions_follow_the_extent_and_bands_the_run() {
 #[test]
 fn the_first_step_of_a_base_is_three_rates_at_most() {
     let gpu = Gpu::new();
-    let built = builtin_scene(300);
+    let built = built(300);
     let photo = &built.photos[0];
     let views = Views::upload(&gpu, &[photo.camera], &[&photo.rgb]).unwrap();
     let before = built.dataset().points.unwrap();
@@ -234,7 +236,7 @@ fn the_first_step_of_a_base_is_three_rates_at_most() {
 #[test]
 fn the_first_joint_step_of_lobes_is_as_long_as_their_rates() {
     let gpu = Gpu::new();
-    let built = builtin_scene(300);
+    let built = built(300);
     let photo = &built.photos[0];
     let views = Views::upload(&gpu, &[photo.camera], &[&photo.rgb]).unwrap();
     let mut before = random_scene(3, 10, 300, 0);
@@ -271,7 +273,7 @@ fn the_first_joint_step_of_lobes_is_as_long_as_their_rates() {
 #[test]
 fn a_supplement_without_bands_learns_as_one_whose_bands_are_0() {
     let gpu = Gpu::new();
-    let built = builtin_scene(300);
+    let built = built(300);
     let photo = &built.photos[0];
     let views = Views::upload(&gpu, &[photo.camera], &[&photo.rgb]).unwrap();
     let mut scene = random_scene(3, 200, 300, 2);
@@ -308,7 +310,7 @@ fn a_supplement_without_bands_learns_as_one_whose_bands_are_0() {
 #[test]
 fn joining_leaves_the_bases_geometry_and_colors_bit_for_bit() {
     let gpu = Gpu::new();
-    let built = builtin_scene(300);
+    let built = built(300);
     let photos: Vec<_> = built.photos.iter().take(3).collect();
     let cameras: Vec<_> = photos.iter().map(|p| p.camera).collect();
     let images: Vec<&[u8]> = photos.iter().map(|p| &p.rgb[..]).collect();
