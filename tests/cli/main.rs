@@ -30,7 +30,7 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Output, Stdio},
-    sync::Mutex,
+    sync::{Arc, Mutex, OnceLock},
 };
 
 use glam::{DMat3, DQuat, DVec3};
@@ -51,10 +51,17 @@ use tempfile::TempDir;
 const NAMES: [&str; 9] = ["a.png", "b/c.png", "d.png", "e.png", "f.png", "g.PNG", "g.png", "h.png", "i.png"];
 
 /// Scenes by the number of photos and the command that trained them: equal datasets give equal scenes, so tests share them.
-static TRAINED: Mutex<BTreeMap<(usize, String), Vec<u8>>> = Mutex::new(BTreeMap::new());
+static TRAINED: Mutex<BTreeMap<(usize, String), Trained>> = Mutex::new(BTreeMap::new());
+type Trained = Arc<OnceLock<Vec<u8>>>;
 
 /// The commands that ran with validation layers, each with the names of its options.
 static VALIDATED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
+/// Takes the validation layers from a command, half of its time if it is short, and llvmpipe's threads, a quarter. For commands of
+/// which others with the same options have them.
+fn brief(command: &mut Command) -> &mut Command {
+    command.env_remove("GLINT_VALIDATION").env("LP_NUM_THREADS", "0")
+}
 
 /// A folder with a dataset `data` and the test's files.
 struct Work(TempDir);
@@ -111,14 +118,13 @@ impl Work {
         command
     }
 
-    /// [`Work::bare`] for commands that reach the device. Layers take half of a short command's time, so only the first with the
-    /// same options has them.
+    /// [`Work::bare`] for commands that reach the device. Only the first with the same options is not [`brief`].
     fn command(&self, arguments: &str) -> Command {
         let mut command = self.bare(arguments);
         let name = arguments.split_whitespace().next();
         let kind = name.into_iter().chain(arguments.split_whitespace().filter(|word| word.starts_with('-')));
         if !VALIDATED.lock().unwrap().insert(kind.collect::<Vec<_>>().join(" ")) {
-            command.env_remove("GLINT_VALIDATION");
+            brief(&mut command);
         }
         command
     }
@@ -137,9 +143,9 @@ impl Work {
 
     /// Writes the scene of a command that begins with `train data` to `file`. Only the first test trains it.
     fn trained(&self, arguments: &str, file: &str) {
-        let mut trained = TRAINED.lock().unwrap();
         let key = (files(&self.path("data/images")).len(), arguments.to_owned());
-        let scene = trained.entry(key).or_insert_with(|| {
+        let trained = TRAINED.lock().unwrap().entry(key).or_default().clone();
+        let scene = trained.get_or_init(|| {
             self.ok(&format!("{arguments} -o {file}"));
             fs::read(self.path(file)).unwrap()
         });
