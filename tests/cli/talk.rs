@@ -138,12 +138,12 @@ fn an_augmentation_ends_with_what_it_gained() {
     let line = format!("1 test view: PSNR {} to {} dB", number(&gain["before"]), number(&gain["after"]));
     assert!(said.contains(&line) && said.contains("the base part alone"), "{line} is not in: {said}");
     // A regression test: ten times the requested number was added silently.
-    let rounded = "each view's share is rounded up: --ratio 0.001 of 300 Gaussians is 1, and 4 were allowed";
-    assert!(stderr(&work, &format!("{enhance}0 -o d.ply").replace("0.20", "0.001")).contains(rounded));
-    assert!(!notes.contains("rounded up"), "{notes}");
+    let few = work.run(&format!("{enhance}0 -o c.ply --json --holdout none").replace("0.20", "0.001"));
+    let rounded = "each view's share is rounded up: --ratio 0.001 of 300 Gaussians is 1, and 5 were allowed";
+    assert!(String::from_utf8(few.stderr).unwrap().contains(rounded) && !notes.contains("rounded up"), "{notes}");
     // Without test views there is no evaluation.
-    let report = work.json(&format!("{enhance} -o c.ply --json --holdout none"));
-    assert!(report["gain"].is_null());
+    let report: Value = serde_json::from_slice(&few.stdout).unwrap();
+    assert!(report["gain"].is_null(), "{report}");
 }
 
 /// Some Gaussians of a constant color get bands; the report, the file and its summary agree on their number.
@@ -244,6 +244,8 @@ fn what_makes_the_test_photos_worse_is_not_kept_unless_it_was_asked_for() {
         (&0.into(), &fs::metadata(work.path("base.ply")).unwrap().len().into())
     );
     assert!(report["discarded"] == true && psnr("after") < psnr("before") - 0.02, "{report}");
+    // The gain is reported next to the gain of the same number of additional steps.
+    assert!(report["gain"]["longer_training"]["measured"] == true && psnr("longer_training").is_finite(), "{report}");
     assert!(report["placements"].as_array().unwrap().len() == 3 && report["supplementary_gaussians"].is_u64());
     assert!(fs::read(work.path("a.ply")).unwrap() == fs::read(work.path("base.ply")).unwrap());
     let output = work.run(&format!("{enhance} -o b.ply"));
