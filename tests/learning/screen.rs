@@ -300,7 +300,11 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
 #[test]
 fn batches_come_one_after_the_other() {
     let gpu = Gpu::new();
-    let (scene, cameras, photographs) = striped(2, 1440, 1320);
+    let (scene, mut cameras, mut photographs) = striped(2, 1440, 1320);
+    // In one batch each view takes the room of the largest.
+    let (_, small, photograph) = striped(1, 144, 132);
+    cameras.splice(..1, small);
+    photographs.splice(..1, photograph);
     let photographs: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
