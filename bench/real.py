@@ -2,11 +2,13 @@
 """Compares color models at equal bytes and steps, on held-out photos.
 
     bench/real.py DATASET... -o RUNS.jsonl [--bytes 25MB] [--max-size N] [--steps N] [--seeds N] [--holdout N|sector]
-                  [--rows 3,run0,run3] [--glint PATH]
+                  [--rows 3,bytes,run] [--glint PATH]
 
 Rows of a dataset and seed:
 
 - 0, 1, 2, 3: `glint train` with harmonics of this degree and as many Gaussians as fit the bytes;
+- bytes: `glint train --bytes`, which gives bands to some Gaussians;
+- run: `glint train --bytes` with a share of the bytes, then `glint enhance --bytes` with the rest, as `glint run` does;
 - run0, run1, run2, run3: `glint train` with a share of the bytes, then `glint enhance --bytes` with the rest, as
   `glint run --sh-degree` does.
 
@@ -25,7 +27,7 @@ import time
 GAUSSIAN_BYTES = {0: 68, 1: 104, 2: 164, 3: 248}
 JOINT_STEPS = 30
 # Of the bytes, for the base; as in src/cli/run.rs.
-SHARES = {0: 0.65, 1: 0.9, 2: 0.9, 3: 0.9}
+SHARES = {None: 0.75, 0: 0.65, 1: 0.9, 2: 0.9, 3: 0.9}
 UNITS = {"GB": 1e9, "MB": 1e6, "kB": 1e3}
 
 
@@ -45,7 +47,7 @@ def main():
     parser.add_argument("--steps", type=int, default=3000, help="steps before the joint phase")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--holdout")
-    parser.add_argument("--rows", default="3,run0,run3")
+    parser.add_argument("--rows", default="3,bytes,run")
     parser.add_argument("--glint", default="target/release/glint")
     args = parser.parse_args()
 
@@ -60,7 +62,7 @@ def main():
     for seed in range(args.seeds):
         for dataset in args.datasets:
             for row in args.rows.split(","):
-                name = row.replace("run", "run ") if row.startswith("run") else f"degree {row}"
+                name = row.replace("run", "run ").strip() if row.startswith("run") else row if row == "bytes" else f"degree {row}"
                 if (dataset.name, name, seed) in done:
                     continue
                 run = measure(args, dataset, row, seed)
@@ -82,18 +84,17 @@ def measure(args, dataset, row, seed):
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         base, scene = f"{folder}/base.ply", f"{folder}/scene.ply"
-        degree = int(row[-1])
+        degree = int(row[-1]) if row[-1].isdigit() else None
         if row.startswith("run"):
-            gaussians = int(SHARES[degree] * args.bytes) // GAUSSIAN_BYTES[degree]
-            train(args, photos, info, base, degree, gaussians, args.steps, seed)
-            left = args.bytes - gaussians * GAUSSIAN_BYTES[degree]
+            of_base = int(SHARES[degree] * args.bytes)
+            left = args.bytes - train(args, photos, info, base, degree, of_base, args.steps, seed)
             added = glint(
                 args, "enhance", *photos, "--base", base, "-o", scene, "--bytes", str(left), "--seed", str(seed), "--json"
             )
             more = {key: added[key] for key in ("plain_gaussians", "supplementary_gaussians", "banded_gaussians")}
             more["phases"] = added["seconds"]
         else:
-            train(args, photos, info, scene, degree, args.bytes // GAUSSIAN_BYTES[degree], args.steps + joint, seed)
+            train(args, photos, info, scene, degree, args.bytes, args.steps + joint, seed)
             more = {}
         seconds = time.monotonic() - began
         found = glint(args, "eval", scene, *photos, "--json")["augmented"]
@@ -102,12 +103,18 @@ def measure(args, dataset, row, seed):
     return {"seconds": seconds, "bytes": size, "gaussians": gaussians, "steps": args.steps + joint, **found, **more}
 
 
-def train(args, photos, info, output, degree, gaussians, steps, seed):
-    points = ["--points", str(max(gaussians // 2, 1))] if (info["points"] or 0) > gaussians // 2 else []
-    glint(
-        args, "train", *photos, "-o", output, "--sh-degree", str(degree), "--gaussians", str(gaussians), *points,
-        "--iterations", str(steps), "--seed", str(seed), "--json",
-    )  # fmt: skip
+def train(args, photos, info, output, degree, size, steps, seed):
+    """Trains a base within `size` bytes and returns the bytes that it may take."""
+    options = ["--bytes", str(size)]
+    if degree is not None:
+        gaussians = size // GAUSSIAN_BYTES[degree]
+        size = gaussians * GAUSSIAN_BYTES[degree]
+        options = ["--sh-degree", str(degree), "--gaussians", str(gaussians)]
+        if (info["points"] or 0) > gaussians // 2:
+            options += ["--points", str(max(gaussians // 2, 1))]
+    steps = ["--iterations", str(steps), "--seed", str(seed)]
+    glint(args, "train", *photos, "-o", output, *options, *steps, "--json")
+    return size
 
 
 def glint(args, *arguments):

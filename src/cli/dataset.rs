@@ -228,13 +228,6 @@ impl PhotoArgs {
         self.max_size = self.max_size.or(max_size);
     }
 
-    /// These options with --tune.
-    pub(super) fn tuned(&self) -> PhotoArgs {
-        let mut tuned = self.clone();
-        tuned.dataset.tune = true;
-        tuned
-    }
-
     /// Whether the poses come from a folder of their own.
     pub(super) fn has_model(&self) -> bool {
         self.dataset.model.is_some()

@@ -276,7 +276,7 @@ impl Args {
         let photos = photos_of(&dataset, Some(Split::Train))?;
         let options = self.options()?;
         // Each view may round its share up.
-        let allowance = options.allowance(&scene.base);
+        let allowance = options.allowance(&scene);
         let [lobes, plain] = allowance.most().map(|most| u64::from(most) + photos.len() as u64);
         let [lobe_bytes, plain_bytes] = allowance.prices();
         let (base, added) = (scene.base.len() as u64 * plain_bytes, (lobes * lobe_bytes).max(plain * plain_bytes));
@@ -410,7 +410,7 @@ impl Args {
         discarded: bool,
     ) -> Result<Report<'a>> {
         let Task { photos, scene, options, .. } = task;
-        let allowance = options.allowance(&scene.base);
+        let allowance = options.allowance(scene);
         let plain = (found.scene.base.len() - scene.base.len()) as u32;
         let budget = match options.method {
             Method::Pursuit => allowance.most().into_iter().max().unwrap_or_default(),

@@ -32,9 +32,8 @@ use crate::{
 
 const EXAMPLES: &str = "\
 Runs glint train, enhance, report and export, prints each command line, and writes into DIR:
-  trials/            short runs that choose --sh-degree; the test photos take no part in them
   base.ply           the base, for comparison; without --time, base.history.jsonl has five evaluations of it
-  scene.ply          the scene, with lobes where they pay, and bands where they pay if its base has constant colors
+  scene.ply          the scene: constant colors, with bands of harmonics and lobes where they pay
   report/index.html  both compared with the test photos
   scene.html         a page that shows the scene in any browser
   run.json           the command lines; train.json and enhance.json have their figures
@@ -59,30 +58,15 @@ const REPORT: &str = "report";
 const VIEWER: &str = "scene.html";
 /// Folder of COLMAP's poses.
 const COLMAP: &str = "colmap";
-/// Folder of the short runs that choose the degree.
-const TRIALS: &str = "trials";
-
-/// Number of commands after the trials.
-const STEPS: usize = 4;
 /// Number of evaluations of the base during its training.
 const CURVE: u32 = 5;
-/// Degrees of the trials. Degree 2 lies between two of them and was not measured.
-const DEGREES: [u32; 3] = [0, 1, 3];
-/// Trials are shorter than the run by this factor.
-const TRIAL: u32 = 16;
-/// Minimum number of steps of a trial. On chair degree 3 leads by 0.3 dB after 125 steps, by 1.1 dB after 250, and by 0.7 dB in the end.
-const LEAST_TRIAL: u32 = 250;
-/// Minimum time of a trial: on llvmpipe the first step begins after one second of it.
-const LEAST_TRIAL_TIME: Duration = Duration::from_secs(5);
-/// A base with harmonics must be better than constant colors by this much in the trials, dB, because bands and lobes then improve
-/// constant colors by more (docs/experiments/2026-11-28-degree.md).
-const MARGIN_DB: f64 = 0.5;
 
-/// Share of --time, less that of the trials, for the base and for the augmentation; not tuned. The rest is for report and page.
+/// Share of --time for the base and for the augmentation; not tuned. The rest is for report and page.
 const TIME: [f64; 2] = [0.55, 0.35];
-/// Share of --bytes for the base: of constant colors (docs/experiments/2026-11-28-run.md), and with harmonics. The latter leaves no
-/// bytes for bands, only the tenth that docs/experiments/2026-11-26-photographs.md measures for lobes.
-const BASE_BYTES: [f64; 2] = [0.65, 0.9];
+/// Share of --bytes for the base (docs/experiments/2026-11-29-classes.md), for one of constant colors
+/// (docs/experiments/2026-11-28-run.md), and for one with harmonics. The last leaves no bytes for bands, only the tenth that
+/// docs/experiments/2026-11-26-photographs.md measures for lobes.
+const BASE_BYTES: [f64; 3] = [0.75, 0.65, 0.9];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Preset {
@@ -130,9 +114,8 @@ pub(super) struct Args {
     /// default, limited by the photos' pixels and the device's memory]
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
-    /// Degree of the harmonics of all Gaussians, 0 to 3. With 0, only those get bands that gain by them
-    /// [default: chosen by short runs, tested on photos that they leave out of the training photos; 0 with
-    /// --time below 80s]
+    /// Degree of the harmonics of all Gaussians of the base, 0 to 3. With 0, those that gain by bands get them
+    /// when lobes are placed [default: those that gain by bands get them early in the training]
     #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: Option<u32>,
     /// Start over even if the folder has another run
@@ -165,113 +148,19 @@ impl Args {
         photos.prefer(images, self.preset.max_size());
         let dataset = photos.open(&path)?;
         let bytes = self.bytes.map_or_else(|| self.default_bytes(&dataset), Ok)?;
-        shares(bytes, self.sh_degree.unwrap_or(0))?;
         OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
-        let chooses = self.chooses(&dataset);
-        if let Some(time) = self.time.filter(|_| self.sh_degree.is_none() && !self.has_time_for_trials()) {
-            note(format!(
-                "--time {time:?} is too short for trials: the base has constant colors, unless --sh-degree is given"
-            ));
-        }
-        let (mut steps, mut sh_degree) = (vec![], self.sh_degree.unwrap_or(0));
-        if chooses {
-            steps = self.trials(&path, &dataset, &photos, bytes)?;
-            self.prepare(&steps, self.restart)?;
-            OutputArgs::default().make_folder(&self.output.join(TRIALS), &Inputs::default())?;
-            self.go(&steps, 0, steps.len() + STEPS)?;
-            sh_degree = self.best()?;
-        }
-        let trials = steps.len();
-        steps.extend(self.steps(&path, &dataset, &photos, bytes, sh_degree)?);
-        self.prepare(&steps, self.restart && !chooses)?;
-        self.go(&steps, trials, steps.len())?;
-        self.tell(&steps, began)
-    }
-
-    /// Whether trials choose the degree.
-    fn chooses(&self, dataset: &Dataset) -> bool {
-        // A single photo leaves none to test on, and a plan decides the photos of its parts.
-        let can = dataset.part.is_none() && dataset.split(Split::Train).count() > 1;
-        can && self.sh_degree.is_none() && self.has_time_for_trials()
-    }
-
-    fn has_time_for_trials(&self) -> bool {
-        self.time.is_none_or(|time| time / TRIAL >= LEAST_TRIAL_TIME)
-    }
-
-    /// Runs all steps from `first` on that are not done.
-    fn go(&self, steps: &[Step], first: usize, all: usize) -> Outcome {
+        let steps = self.steps(&path, &dataset, &photos, bytes)?;
+        self.prepare(&steps)?;
         let before = steps.iter().take_while(|step| step.done.exists()).count();
-        for (i, step) in steps.iter().enumerate().skip(first) {
+        for (i, step) in steps.iter().enumerate() {
             let (line, is_done) = (line_of(&step.arguments), i < before);
             let state = if is_done { " done before" } else { "" };
-            progress::tell_run(format_args!("{}/{all}{state}: {line}", i + 1));
+            progress::tell_run(format_args!("{}/{}{state}: {line}", i + 1, steps.len()));
             if !is_done {
                 step.run(self.restart)?;
             }
         }
-        Ok(())
-    }
-
-    /// Short runs with harmonics of several degrees in the same bytes, tested on photos left out of the training photos.
-    fn trials(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs, bytes: u64) -> Result<Vec<Step>> {
-        let mut steps = Vec::new();
-        for degree in DEGREES {
-            let [ply, trained, found] = ["ply", "train.json", "json"].map(|ending| self.trial(degree, ending));
-            let gaussians = (bytes / gaussian_bytes(degree, false)).clamp(1, u32::MAX.into()) as u32;
-            let length = match self.time {
-                Some(time) => ["--time".into(), format!("{:.1}s", time.as_secs_f64() / f64::from(TRIAL))],
-                None => ["--iterations".into(), (self.preset.steps() / TRIAL).max(LEAST_TRIAL).to_string()],
-            };
-            let mut train = self.training(path, dataset, degree, gaussians, length);
-            train.extend(words(["-o"], [&ply]));
-            let mut eval = words(["eval"], [&ply, &path.to_owned()]);
-            for to in [&mut train, &mut eval] {
-                to.extend(self.device.arguments().into_iter().chain(photos.tuned().arguments()));
-            }
-            steps.push(Step { arguments: train, done: trained, added: &["--force", "--json"] });
-            steps.push(Step { arguments: eval, done: found, added: &["--json"] });
-        }
-        Ok(steps)
-    }
-
-    /// A file of the trial with this degree.
-    fn trial(&self, degree: u32, ending: &str) -> PathBuf {
-        self.output.join(TRIALS).join(format!("degree-{degree}.{ending}"))
-    }
-
-    /// The degree that the trials choose.
-    fn best(&self) -> Result<u32> {
-        let mut found = Vec::new();
-        for degree in DEGREES {
-            let quality = &read_json(&self.trial(degree, "json"))?["augmented"];
-            found.push((degree, quality["psnr"].as_f64().unwrap_or(f64::NAN)));
-        }
-        let best = best_degree(&found);
-        let all: Vec<String> = found.iter().map(|(degree, psnr)| format!("degree {degree} has {psnr:.2} dB")).collect();
-        progress::tell_run(format_args!("the trials choose degree {best}: {}", all.join(", ")));
-        Ok(best)
-    }
-
-    /// Arguments that train a base.
-    fn training(
-        &self,
-        path: &Path,
-        dataset: &Dataset,
-        sh_degree: u32,
-        gaussians: u32,
-        length: [String; 2],
-    ) -> Vec<OsString> {
-        let mut train = words(["train"], [path]);
-        let (degree, most) = (sh_degree.to_string(), gaussians.to_string());
-        train.extend(["--sh-degree", &degree, "--gaussians", &most].map(OsString::from));
-        train.extend(length.map(OsString::from));
-        // The strategy places the other half where errors are large.
-        let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
-        if points > gaussians as usize / 2 {
-            train.extend(["--points".into(), (gaussians / 2).max(1).to_string().into()]);
-        }
-        train
+        self.tell(&steps, began)
     }
 
     /// The dataset, and the folder of its photos if it is elsewhere: as given, or with poses by COLMAP.
@@ -306,31 +195,24 @@ impl Args {
         Ok(all.min(most * gaussian_bytes(sh_degree, false)))
     }
 
-    fn steps(
-        &self,
-        path: &Path,
-        dataset: &Dataset,
-        photos: &PhotoArgs,
-        bytes: u64,
-        sh_degree: u32,
-    ) -> Result<[Step; STEPS]> {
+    fn steps(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs, bytes: u64) -> Result<Vec<Step>> {
         let at = |name: &str| self.output.join(name);
         let [base, scene, trained, enhanced] = [BASE, SCENE, TRAINED, ENHANCED].map(at);
         let named = |name: &str, path: &Path| [OsString::from(name), path.into()].join(OsStr::new("="));
-        let (gaussians, left) = shares(bytes, sh_degree)?;
+        let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
+        let (base_options, left) = shares(bytes, self.sh_degree, points)?;
         let mut enhance = words(["enhance"], [path]);
         enhance.extend(words(["--base"], [&base]).into_iter().chain(words(["-o"], [&scene])));
         let length = match self.time {
             Some(time) => {
-                let trials = if self.chooses(dataset) { DEGREES.len() as f64 / f64::from(TRIAL) } else { 0.0 };
-                let left = (1.0 - trials) * time.as_secs_f64();
-                let [train_for, enhance_for] = TIME.map(|share| format!("{:.1}s", share * left));
+                let [train_for, enhance_for] = TIME.map(|share| format!("{:.1}s", share * time.as_secs_f64()));
                 enhance.extend(["--time".into(), enhance_for.into()]);
                 ["--time".into(), train_for]
             }
             None => ["--iterations".into(), self.preset.steps().to_string()],
         };
-        let mut train = self.training(path, dataset, sh_degree, gaussians, length);
+        let mut train = words(["train"], [path]);
+        train.extend(base_options.into_iter().chain(length).map(OsString::from));
         train.extend(words(["-o"], [&base]));
         enhance.extend(["--bytes".into(), left.to_string().into()]);
         let mut report = words(["report"], [path]);
@@ -352,7 +234,7 @@ impl Args {
             .into_iter()
             .for_each(|to| to.extend(shown.iter().cloned()));
         let step = |arguments, done, added| Step { arguments, done, added };
-        Ok([
+        Ok(vec![
             step(train, trained, &["--force", "--json"]),
             step(enhance, enhanced, &["--force", "--json"]),
             step(report, at(REPORT).join(PAGE), &["--force"]),
@@ -360,19 +242,19 @@ impl Args {
         ])
     }
 
-    /// Prepares the folder for these steps, or finds that it has them already. Those that are new there are not done.
+    /// Prepares the folder for these steps, or finds that it has them already.
     ///
     /// # Errors
     /// [`Error::Input`] if the folder has other steps or foreign files, unless the run is to start over.
-    fn prepare(&self, steps: &[Step], restart: bool) -> Result<()> {
+    fn prepare(&self, steps: &[Step]) -> Result<()> {
         let path = self.output.join(COMMANDS);
         let lines: Vec<String> = steps.iter().map(|step| line_of(&step.arguments)).collect();
         let read = fs::read(&path).ok().map(|text| serde_json::from_slice(&text).unwrap_or(Value::Null));
         let found = read.as_ref().and_then(|read| read["commands"].as_array()).map_or(&[][..], Vec::as_slice);
-        let other = found.iter().zip(&lines).find(|(found, line)| **found != **line);
+        let other = found.iter().find(|found| !lines.iter().any(|line| **found == **line));
         let other = match (&read, other) {
-            _ if restart => None,
-            (Some(_), Some((found, _))) => Some(format!("has another run (`{}`)", found.as_str().unwrap_or_default())),
+            _ if self.restart => None,
+            (Some(_), Some(found)) => Some(format!("has another run (`{}`)", found.as_str().unwrap_or_default())),
             (Some(_), None) if found.is_empty() => Some("has a damaged run.json".into()),
             (Some(_), None) => None,
             (None, _) => {
@@ -386,9 +268,8 @@ impl Args {
                 format!("{other}; repeat it with its options, give another folder, or start over with --restart");
             return Err(Error::input(&self.output, what));
         }
-        let known = if restart { 0 } else { found.len() };
-        if known < lines.len() {
-            steps[known..].iter().for_each(|step| drop(fs::remove_file(&step.done)));
+        if self.restart || read.is_none() {
+            steps.iter().for_each(|step| drop(fs::remove_file(&step.done)));
             write_text(&path, &to_json(&json!({"glint": env!("CARGO_PKG_VERSION"), "commands": lines}))?)?;
         }
         Ok(())
@@ -448,21 +329,31 @@ impl Step {
     }
 }
 
-/// Number of Gaussians of the base, and the bytes left for the augmentation.
-fn shares(bytes: u64, sh_degree: u32) -> Result<(u32, u64)> {
-    let (one, share) = (gaussian_bytes(sh_degree, false), BASE_BYTES[usize::from(sh_degree > 0)]);
-    let gaussians = (share * bytes as f64) as u64 / one;
+/// Options for the size of a base that starts from up to `points` sparse points, and the bytes left for the augmentation.
+fn shares(bytes: u64, sh_degree: Option<u32>, points: usize) -> Result<(Vec<String>, u64)> {
+    let [mixed, constant, banded] = BASE_BYTES.map(|share| (share * bytes as f64) as u64);
+    let (base, one) = match sh_degree {
+        None => (mixed, gaussian_bytes(3, false)),
+        Some(0) => (constant, gaussian_bytes(0, false)),
+        Some(degree) => (banded, gaussian_bytes(degree, false)),
+    };
+    let gaussians = (base / one).min(u32::MAX.into());
     if gaussians == 0 {
         let what = format!("a scene of {bytes} bytes has no room for a base, because a Gaussian takes {one} (--bytes)");
         return Err(Error::Usage(what));
     }
-    Ok((gaussians.min(u32::MAX.into()) as u32, bytes - gaussians * one))
-}
-
-/// The degree with the highest PSNR, dB, in the trials; constant colors unless another is better by [`MARGIN_DB`].
-fn best_degree(found: &[(u32, f64)]) -> u32 {
-    let handicap = |&(degree, psnr): &(u32, f64)| if degree > 0 { psnr - MARGIN_DB } else { psnr };
-    found.iter().max_by(|a, b| handicap(a).total_cmp(&handicap(b))).map_or(0, |&(degree, _)| degree)
+    Ok(match sh_degree {
+        None => (vec!["--bytes".into(), base.to_string()], bytes - base),
+        Some(degree) => {
+            let mut options =
+                vec!["--sh-degree".into(), degree.to_string(), "--gaussians".into(), gaussians.to_string()];
+            // The strategy places the other half where errors are large.
+            if points as u64 > gaussians / 2 {
+                options.extend(["--points".into(), (gaussians / 2).max(1).to_string()]);
+            }
+            (options, bytes - gaussians * one)
+        }
+    })
 }
 
 fn read_json(path: &Path) -> Result<Value> {
@@ -533,17 +424,13 @@ mod tests {
     }
 
     #[test]
-    fn a_degree_above_0_must_be_better_by_the_margin() {
-        let best = |psnr: [f64; 3]| best_degree(&DEGREES.into_iter().zip(psnr).collect::<Vec<_>>());
-        assert_eq!(best([30.0, 30.4, 29.0]), 0);
-        assert_eq!(best([30.0, 30.6, 29.0]), 1);
-        assert_eq!(best([30.0, 30.6, 31.0]), 3);
-    }
-
-    #[test]
     fn bytes_are_shared_between_base_and_augmentation() {
-        assert_eq!(shares(1_000_000, 0).unwrap(), (9_558, 1_000_000 - 9_558 * 68));
-        assert_eq!(shares(1_000_000, 3).unwrap(), (3_629, 1_000_000 - 3_629 * 248));
-        assert!(shares(100, 0).unwrap_err().to_string().contains("a Gaussian takes 68"));
+        let of =
+            |sh_degree| shares(1_000_000, sh_degree, 4000).map(|(options, left)| (options.join(" "), left)).unwrap();
+        assert_eq!(of(None), ("--bytes 750000".into(), 250_000));
+        assert_eq!(of(Some(0)), ("--sh-degree 0 --gaussians 9558".into(), 1_000_000 - 9_558 * 68));
+        assert_eq!(of(Some(3)), ("--sh-degree 3 --gaussians 3629 --points 1814".into(), 1_000_000 - 3_629 * 248));
+        assert!(shares(100, Some(0), 0).unwrap_err().to_string().contains("a Gaussian takes 68"));
+        assert!(shares(300, None, 0).is_err());
     }
 }

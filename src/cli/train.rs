@@ -31,12 +31,12 @@ use crate::{
     gpu::Context,
     pipelines::{
         checkpoint::Clock,
-        density::{DensityOptions, Strategy},
+        classes::Classes,
+        density::Strategy,
         learn::learning_bytes,
-        model::{Model, Room},
         session::Policy,
         start::{halvings_for, photos_of},
-        train::{BaseOptions, HALVED_UNTIL, dense_trainer},
+        train::{BaseOptions, HALVED_UNTIL},
     },
     report::runs::StageMean,
     scene::{Scene, color},
@@ -180,6 +180,13 @@ struct ModelArgs {
     /// the initial number with --strategy fixed or a scene as --init]
     #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX), alias = "cap-max")]
     gaussians: Option<u32>,
+    /// Maximum size of the Gaussians in the file, such as 25MB, instead of their number and the degree of
+    /// their harmonics. Colors are constant at first; after an eighth of the run those Gaussians get bands of
+    /// harmonics that gain more by them than further Gaussians of the same bytes would gain. Viewers that do
+    /// not know this format show the constant colors
+    #[arg(long, value_name = "BYTES", value_parser = units::bytes, conflicts_with_all = ["gaussians", "sh_degree"])]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bytes: Option<u64>,
     /// Strategy that prunes and multiplies Gaussians
     #[arg(long, value_enum, default_value_t)]
     strategy: Strategy,
@@ -212,6 +219,9 @@ struct Report<'a> {
     gaussians: usize,
     /// Degree of the harmonics; `None` for other color models.
     sh_degree: Option<u32>,
+    /// With --bytes: Gaussians with bands of this degree; the others have none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    banded: Option<usize>,
     iterations: u32,
     /// Steps done by an earlier run; included in `iterations`.
     iterations_resumed: u32,
@@ -309,7 +319,7 @@ impl Args {
     fn tell(&self, first: &First, dataset: &Dataset) {
         first.notes.iter().for_each(|text| note(text.as_str()));
         let sh_degree = self.degree();
-        if sh_degree < 3 {
+        if sh_degree < 3 && self.model.bytes.is_none() {
             let bands: Vec<String> = (sh_degree + 1..=3).map(|band| band.to_string()).collect();
             note(format!("SH degree {sh_degree}: bands {} are not stored", bands.join(", ")));
         }
@@ -323,7 +333,7 @@ impl Args {
         let Read { began, dataset, photos, test, holdout, policy, trained_with, inputs, replace } = read;
         let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
         let (on, gaussians_on) = self.place(context, &mut first, pixels);
-        let course = Course {
+        let mut course = Course {
             sh_degree: self.degree(),
             begins: first.begins,
             strategy: self.model.strategy,
@@ -332,16 +342,19 @@ impl Args {
             halvings: self
                 .halvings
                 .unwrap_or_else(|| if self.model.strategy.is_newton() { halvings_for(&photos) } else { 0 }),
+            bytes: self.model.bytes,
+            host: gaussians_on == GaussiansOn::Host,
+            classes: None,
         };
         // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);
-        let scene = u64::from(control.limit) * gaussian_bytes(course.sh_degree, false);
+        let most = course.most.max(course.first);
+        let scene = u64::from(most) * gaussian_bytes(course.sh_degree, false);
         let on_disk = if on == PhotosOn::Disk { photo_bytes(pixels) } else { 0 };
-        check_room(&self.output, scene + on_disk, self.kept_bytes(&control, test.as_deref().unwrap_or_default()))?;
+        check_room(&self.output, scene + on_disk, self.kept_bytes(most, test.as_deref().unwrap_or_default()))?;
         let session =
             self.common.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
         let (views, checksums) = upload(context, &photos, dataset.background, course.halvings, self.storage(on)?)?;
-        let most = control.limit.max(course.first);
         self.tell_memory(if on == PhotosOn::Device { pixels } else { 0 }, most, gaussians_on, course.halvings);
 
         let mut base = first.gaussians;
@@ -350,9 +363,6 @@ impl Args {
             control.begin(&mut base);
         }
         let scene = Scene { base, origin: first.origin, ..Scene::default() };
-        let host = gaussians_on == GaussiansOn::Host;
-        let room = Room { base: control.limit.saturating_sub(course.first), host, ..Default::default() };
-        let model = Model::upload_around(context, views.origin, &scene, room)?;
         let mut iterations = if self.time.is_some() { FIRST } else { self.iterations };
         let cost = course.cost(iterations);
         let bar = Progress::of_cost("training", "steps", iterations.into(), cost);
@@ -366,19 +376,15 @@ impl Args {
         if let Some(Clock { total, .. }) = clock {
             iterations = total;
         }
-        let (options, control) = (course.options(iterations), course.density(iterations));
-        let mut trainer = dense_trainer(&session, &model, &views, &options, &control)?;
-        if self.exposure {
-            trainer.correct_exposure(&session, &views)?;
-        }
+        course.classes = found.as_ref().and_then(Classes::of);
+        let (model, mut trainer) = course.engine(self, &session, &views, &scene, iterations)?;
         let resumed = found.as_ref().map_or(0, |found| found.step);
         let had = clock.map_or(resumed, |clock| clock.taken);
         let goes_on = clock.map(|clock| (clock, resumed));
-        let deadline = self.time.map(|time| self.deadline(time, began, control.limit, goes_on));
+        let deadline = self.time.map(|time| self.deadline(time, began, most, goes_on));
         let mut deadline = deadline.transpose()?;
-        if let (Some(deadline), Some(time)) = (&mut deadline, self.time) {
+        if let Some(deadline) = &mut deadline {
             deadline.costs(cost);
-            trainer.submit_at_most(time / SUBMISSIONS);
         }
         let mut history =
             test.map(|test| History::new(context, &self.output, test, dataset.background, self.seed, holdout));
@@ -403,7 +409,7 @@ impl Args {
         let mut training = Training {
             args: self,
             session: &session,
-            model: &model,
+            model,
             views: &views,
             course,
             trainer,
@@ -414,9 +420,10 @@ impl Args {
             bar,
             at,
             clocks,
+            timed,
         };
         match training.drive(&interrupt, look_at) {
-            Ok(gaussians) => training.finish(had, gaussians, interrupt),
+            Ok(counts) => training.finish(had, counts, interrupt),
             Err(error) => Err(training.fail(error).into()),
         }
     }
@@ -473,12 +480,22 @@ impl Args {
         Ok(Deadline::new(now, began + left))
     }
 
-    /// Color model: a degree of harmonics, or betas.
+    /// Color model at the start: a degree of harmonics, or betas.
     fn degree(&self) -> u32 {
-        if self.model.color == ColorArg::Sb { color::BETAS } else { self.model.sh_degree }
+        match (self.model.color, self.model.bytes) {
+            (ColorArg::Sb, _) => color::BETAS,
+            (ColorArg::Sh, Some(_)) => 0,
+            (ColorArg::Sh, None) => self.model.sh_degree,
+        }
     }
 
     fn check_color(&self) -> Result<()> {
+        if self.model.bytes.is_some() && !self.model.strategy.follows_errors() {
+            return Err(Error::Usage("--bytes is for --strategy budget".into()));
+        }
+        if self.model.bytes.is_some_and(|bytes| Classes::at_first(bytes) == 0) {
+            return Err(Error::Usage("--bytes holds no Gaussian: expected at least 1kB".into()));
+        }
         if self.model.color == ColorArg::Sh {
             return Ok(());
         }
@@ -511,9 +528,9 @@ impl Args {
 
     /// Bytes on disk next to the scene: the checkpoint, twice while one replaces another, and pictures of
     /// the first test photo if their number is known.
-    fn kept_bytes(&self, control: &DensityOptions, test: &[&Photo]) -> u64 {
+    fn kept_bytes(&self, gaussians: u32, test: &[&Photo]) -> u64 {
         let gaussian = self.device_bytes(false) + SCORE_BYTES;
-        let checkpoint = u64::from(control.limit) * gaussian + 4 * u64::from(control.iterations);
+        let checkpoint = u64::from(gaussians) * gaussian + 4 * u64::from(self.iterations);
         let pictures = match (self.eval_every, test.first(), self.time) {
             (Some(every), Some(photo), None) => {
                 u64::from(self.iterations.div_ceil(every)) * 3 * 3 * u64::from(photo.camera.pixels())

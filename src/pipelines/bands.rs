@@ -3,7 +3,10 @@
 //! For each page of Gaussians: (render → two passes of (density_image → blend_backward of scores → bands_look)) for each view, then
 //! bands_fit for each degree. A gain counts views that were left out of the fit, so that of noise is not above 0 in the mean.
 
+use std::ops::Range;
+
 use super::{
+    loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Room, Segment},
     raster::{Grid, Raster},
     render::{Needs, RenderOptions, Renderer, Show},
@@ -20,6 +23,7 @@ use crate::{
         WORKGROUP, bands_fit, bands_look,
         constants::density::{BLUE, RED_GREEN},
         density_image,
+        ssim::tiles_per_frame,
         status::Resource,
         types::Page,
     },
@@ -56,6 +60,15 @@ impl Promotion {
         self.gains.iter().map(|found| f64::from(found.gain)).sum()
     }
 
+    /// The numbers of `count` Gaussians in another order: first those without bands, then those with, each in their order.
+    pub fn order(&self, count: usize) -> Vec<usize> {
+        let mut chosen = vec![false; count];
+        self.gains.iter().for_each(|found| chosen[found.number as usize] = true);
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by_key(|&i| chosen[i]);
+        order
+    }
+
     /// Size of the bands in a file.
     pub fn bytes(&self) -> u64 {
         self.gains.len() as u64 * band_bytes(self.degree)
@@ -74,9 +87,13 @@ struct Fitted {
 /// A running search.
 pub struct Bands {
     rig: Rig,
+    loss: Photometric,
     model: Model,
     renderer: Renderer,
     steps: Steps,
+    /// The first view; the others follow.
+    first: u32,
+    count: u32,
     page: usize,
     fitted: [Fitted; DEGREES.len()],
 }
@@ -123,17 +140,16 @@ impl Rig {
         })
     }
 
-    /// Records what a rendered view asks of the Gaussians of page `k`.
+    /// Records what a rendered view asks of the Gaussians of page `k`, as look `number`. `targets` is the view's photograph.
     pub(crate) fn record_look(
         &self,
         recorder: &mut Recorder,
         (model, views, raster): (&Model, &Views, &Raster),
-        (k, view): (usize, u32),
-        grid: &Grid,
+        (k, view, number): (usize, u32, u32),
+        (grid, targets): (&Grid, &Buffer<u32>),
         status: &Buffer<u32>,
-    ) -> Result<()> {
-        let Some((_, dispatch, page)) = model.pages(Segment::Base).nth(k) else { return Ok(()) };
-        let targets = views.record_photograph(recorder, view)?;
+    ) {
+        let Some((_, dispatch, page)) = model.pages(Segment::Base).nth(k) else { return };
         for (image, look) in self.image.iter().zip(&self.look) {
             image.record(
                 recorder,
@@ -166,17 +182,16 @@ impl Rig {
                     page_first: page.first,
                     stride: page.capacity,
                     by_gaussian: raster.by_gaussian().into(),
-                    view,
+                    view: number,
                 },
                 &model.population_args,
                 dispatch,
             );
         }
-        Ok(())
     }
 
-    /// Records the fits of page `k`.
-    pub(crate) fn record_fits(&self, recorder: &mut Recorder, model: &Model, views: &Views, k: usize) {
+    /// Records the fits of page `k` to its looks, which are of the first views. Smaller copies of a photograph have its camera's place.
+    pub(crate) fn record_fits(&self, recorder: &mut Recorder, model: &Model, views: &Views, (k, looks): (usize, u32)) {
         let Some((_, dispatch, page)) = model.pages(Segment::Base).nth(k) else { return };
         for (fit, (gains, fits)) in self.fit.iter().zip(self.gains.iter().zip(&self.fits)) {
             fit.record_indirect(
@@ -193,7 +208,7 @@ impl Rig {
                     segment: page.segment,
                     page_first: page.first,
                     stride: page.capacity,
-                    view_count: views.cameras.len() as u32,
+                    view_count: looks,
                 },
                 &model.population_args,
                 dispatch,
@@ -203,13 +218,13 @@ impl Rig {
 }
 
 impl Bands {
-    /// Searches the base of `scene`, in all of `views`, whose photographs must be uploaded. Waits.
+    /// Searches the base of `scene`, in the views `which` of `views`, one for each photograph. Waits.
     ///
     /// # Errors
     /// [`Error::Usage`] if the scene is empty or its colors are not constant, or there are no views; otherwise an error of the device.
-    pub fn new(session: &Session, scene: &Scene, views: &Views) -> Result<Self> {
+    pub fn new(session: &Session, scene: &Scene, views: &Views, which: Range<u32>) -> Result<Self> {
         let context = &session.context;
-        let count = views.cameras.len() as u32;
+        let count = which.len() as u32;
         if scene.base.is_empty() || count == 0 {
             return Err(Error::Usage("no bands to find: no Gaussians, or no views".into()));
         }
@@ -224,11 +239,22 @@ impl Bands {
         let mut renderer = Renderer::new(context, Needs::of(&model), views, render)?;
         renderer.raster.make_scores()?;
         let largest = model.part(Segment::Base).pages.iter().map(|page| page.capacity).max().unwrap_or(1);
+        let loss = LossOptions {
+            tiles: tiles_per_frame(&views.frame_list),
+            map_pixels: 0,
+            losses: count,
+            listed: false,
+            backward: false,
+            probe: false,
+        };
         let mut bands = Bands {
             rig: Rig::new(session, count, largest)?,
+            loss: Photometric::new(context, &loss)?,
             model,
             renderer,
-            steps: Steps::new(context, STEPS_PER_SUBMISSION)?,
+            steps: Steps::new(context, STEPS_PER_SUBMISSION.min(views.views_at_once()))?,
+            first: which.start,
+            count,
             page: 0,
             fitted: Default::default(),
         };
@@ -238,14 +264,14 @@ impl Bands {
 
     /// Runs until some steps are done; returns their number and that of all, or `None` at the end.
     pub fn advance(&mut self, views: &Views) -> Result<Option<[u32; 2]>> {
-        let (each, pages) = (views.cameras.len() as u32 + 1, self.model.part(Segment::Base).pages.len());
+        let (each, pages) = (self.count + 1, self.model.part(Segment::Base).pages.len());
         loop {
             if self.page == pages {
                 return Ok(None);
             }
             let before = self.page as u32 * each;
-            let Bands { rig, model, renderer, page, .. } = self;
-            let mut looking = Looking { rig, model, renderer, views, page: *page };
+            let Bands { rig, loss, model, renderer, page, first, count, .. } = self;
+            let mut looking = Looking { rig, loss, model, renderer, views, first: *first, count: *count, page: *page };
             if let Some(done) = self.steps.advance(&mut looking)? {
                 return Ok(Some([before + done, pages as u32 * each]));
             }
@@ -272,6 +298,13 @@ impl Bands {
         Ok(())
     }
 
+    /// Squared error, summed over pixels and channels of all views, at the end of the search.
+    pub fn squared_error(&self, views: &Views) -> f64 {
+        let pixels = views.cameras[self.first as usize..].iter().map(|camera| f64::from(camera.pixels()));
+        let losses = &self.loss.losses.mapped()[..self.count as usize];
+        3.0 * losses.iter().zip(pixels).map(|(loss, pixels)| f64::from(loss.squared) * pixels).sum::<f64>()
+    }
+
     /// The Gaussians to promote, for at most `most` bytes. Each gains at least `least` per byte. Of all degrees it is the one that gains
     /// most, less the price of its bytes.
     pub fn choose(&self, most: u64, least: f64) -> Promotion {
@@ -288,7 +321,7 @@ impl Bands {
         all.max_by(|a, b| net(a).total_cmp(&net(b))).unwrap_or_default()
     }
 
-    /// `base` with the bands of a promotion: first the Gaussians without, then those with bands, each in their order.
+    /// `base` with the bands of a promotion, see [`Promotion::order`].
     pub fn promoted(&self, base: &Gaussians, promotion: &Promotion) -> Gaussians {
         let Some(d) = DEGREES.iter().position(|&degree| degree == promotion.degree) else { return base.clone() };
         let k = layout::coefficients(promotion.degree);
@@ -296,17 +329,13 @@ impl Bands {
         for (at, found) in self.fitted[d].gains.iter().enumerate() {
             fit_of[found.number as usize] = Some(at);
         }
-        let mut chosen = vec![false; base.len()];
-        promotion.gains.iter().for_each(|found| chosen[found.number as usize] = true);
         let mut all = base.clone().with_degree(promotion.degree);
-        for i in (0..base.len()).filter(|&i| chosen[i]) {
+        for i in promotion.gains.iter().map(|found| found.number as usize) {
             if let Some(at) = fit_of[i] {
                 all.sh[i * k..][..k].copy_from_slice(&self.fitted[d].fits[at * k..][..k]);
             }
         }
-        let mut order: Vec<usize> = (0..base.len()).collect();
-        order.sort_by_key(|&i| chosen[i]);
-        all.reordered(&order)
+        all.reordered(&promotion.order(base.len()))
     }
 }
 
@@ -318,22 +347,39 @@ fn places_per_page(context: &Context, views: u32) -> u32 {
 
 struct Looking<'a> {
     rig: &'a Rig,
+    loss: &'a Photometric,
     model: &'a Model,
     renderer: &'a mut Renderer,
     views: &'a Views,
+    first: u32,
+    count: u32,
     page: usize,
 }
 
 impl Looped for Looking<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
-        let Looking { rig, model, renderer, views, page } = self;
-        if step as usize == views.cameras.len() {
-            rig.record_fits(recorder, model, views, *page);
+        let Looking { rig, loss, model, renderer, views, first, count, page } = self;
+        if step == *count {
+            rig.record_fits(recorder, model, views, (*page, *count));
             return Ok(());
         }
-        let show = Show::all(model, rig.background);
-        let grid = renderer.record(recorder, model, views, step, &show, status)?;
-        rig.record_look(recorder, (model, views, &renderer.raster), (*page, step), &grid, status)
+        let (show, view) = (Show::all(model, rig.background), *first + step);
+        let targets = views.record_photograph(recorder, view)?;
+        let grid = renderer.record(recorder, model, views, view, &show, status)?;
+        if *page == 0 {
+            let batch = Batch {
+                frames: &views.frames,
+                frame_first: view,
+                frame_count: 1,
+                tiles_per_frame: tiles_per_frame(&views.frame_list),
+                image: &renderer.raster.buffers.image,
+                targets,
+            };
+            loss.record_forward(recorder, &batch, Tiles::All, None);
+            loss.record_sum(recorder, &batch, step);
+        }
+        rig.record_look(recorder, (model, views, &renderer.raster), (*page, view, step), (&grid, targets), status);
+        Ok(())
     }
 
     fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {

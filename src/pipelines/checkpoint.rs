@@ -85,6 +85,17 @@ impl Checkpoint {
         }
     }
 
+    /// Names of all tensors, in order.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.tensors.keys().map(String::as_str)
+    }
+
+    /// Length of the first dimension of a tensor: the number of planes.
+    pub(super) fn rows(&self, name: &str) -> Result<usize> {
+        let shape = self.tensors.get(name).and_then(|tensor| tensor.shape.first());
+        shape.copied().ok_or_else(|| Error::Usage(format!("the checkpoint has no `{name}`")))
+    }
+
     /// Length of the last dimension of a tensor: the number of Gaussians, if it holds planes.
     pub(super) fn columns(&self, name: &str) -> Result<usize> {
         let shape = self.tensors.get(name).and_then(|tensor| tensor.shape.last());

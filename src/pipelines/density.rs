@@ -173,6 +173,13 @@ impl DensityOptions {
         }
     }
 
+    /// These options for Gaussians of which there are `count` at the fraction `part` of the run, and may be `limit` in the end.
+    pub fn toward(&self, limit: u32, count: u32, part: f64) -> Self {
+        let grown = DensityOptions { first: 0, limit: u32::MAX, ..*self }.share(part);
+        let first = (f64::from(count) - grown * f64::from(limit)) / (1.0 - grown);
+        DensityOptions { first: first.max(0.0).round() as u32, limit, ..*self }
+    }
+
     /// Converts a number of steps to a fraction of the run.
     fn part(&self, steps: u32) -> f64 {
         f64::from(steps) / f64::from(self.iterations.max(1))
@@ -287,8 +294,10 @@ struct Stages {
     noise: density_noise::Stage,
 }
 
-/// Density control of a model's base, with its pipelines and buffers.
+/// Density control of a segment, with its pipelines and buffers.
 pub struct Density {
+    /// The segment whose Gaussians it prunes and multiplies.
+    pub segment: Segment,
     options: DensityOptions,
     seed: u32,
     extent: f32,
@@ -314,16 +323,23 @@ pub(super) struct ScoredView<'a> {
 }
 
 impl Density {
-    /// For a `model` whose base has room for `options.limit` Gaussians, and the `raster` that all its steps
+    /// For a `segment` of `model` with room for `options.limit` Gaussians, and the `raster` that all its steps
     /// use.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the model has less room; otherwise an error of the device.
-    pub fn new(session: &Session, model: &Model, raster: &Raster, options: &DensityOptions) -> Result<Self> {
+    /// [`Error::Usage`] if the segment has less room; otherwise an error of the device.
+    pub fn new(
+        session: &Session,
+        model: &Model,
+        segment: Segment,
+        raster: &Raster,
+        options: &DensityOptions,
+    ) -> Result<Self> {
         let (context, limit) = (&session.context, options.limit);
-        let part = model.part(Segment::Base);
+        let part = model.part(segment);
         if part.capacity() < limit || limit == 0 {
-            return Err(Error::Usage(format!("the base has room for {} Gaussians, not for {limit}", part.capacity())));
+            let (room, what) = (part.capacity(), segment.resource());
+            return Err(Error::Usage(format!("there is room for {room} {what}, not for {limit}")));
         }
         let workgroup_size = context.info().workgroup(WORKGROUP);
         let strategy = options.strategy.kernel().unwrap_or(MCMC);
@@ -334,6 +350,7 @@ impl Density {
         let told = Buffer::new(context, "told", 1, Location::Host)?;
         told.write_mapped(&[0]);
         Ok(Density {
+            segment,
             options: *options,
             seed: session.seed as u32 ^ (session.seed >> 32) as u32,
             extent: session.extent,
@@ -363,7 +380,7 @@ impl Density {
                     &density_apply::Spec {
                         workgroup_size,
                         strategy,
-                        sh_beside: sh_moments(model.sh_degree, packed, options.strategy.is_newton()) as u32,
+                        sh_beside: sh_moments(part.sh_degree, packed, options.strategy.is_newton()) as u32,
                         moments: moments_of(packed) as u32,
                     },
                 )?,
@@ -382,15 +399,11 @@ impl Density {
         self.options.iterations = iterations;
     }
 
-    /// Adds the scores of the view that a step has just rendered, if this step collects scores. May overwrite
-    /// the raster's gradient records.
-    pub(super) fn record_scores(&self, recorder: &mut Recorder, step: u32, seen: &ScoredView<'_>) {
-        if !self.options.scores(step) {
-            return;
-        }
-        let ScoredView { model, views, view, raster, grid, batch, status } = *seen;
-        let camera = &views.cameras[view as usize];
-        if self.options.strategy.follows_errors() {
+    /// Writes the errors of the view that a step has just rendered over the raster's gradient records, for the
+    /// scores of all segments, if this step collects scores of errors.
+    pub(super) fn record_errors(&self, recorder: &mut Recorder, step: u32, seen: &ScoredView<'_>) {
+        let ScoredView { model, views, view, raster, grid, batch, .. } = *seen;
+        if self.options.scores(step) && self.options.strategy.follows_errors() {
             self.stages.image.record(
                 recorder,
                 &density_image::Buffers {
@@ -400,11 +413,20 @@ impl Density {
                     image_grad: &raster.buffers.image_grad,
                 },
                 &density_image::Push { frame: view },
-                camera.pixels(),
+                views.cameras[view as usize].pixels(),
             );
             raster.record_scores(recorder, grid, &views.frames, &model.population);
         }
-        for (k, dispatch, page) in model.pages(Segment::Base) {
+    }
+
+    /// Adds the scores of the view that a step has just rendered, if this step collects scores.
+    pub(super) fn record_scores(&self, recorder: &mut Recorder, step: u32, seen: &ScoredView<'_>) {
+        if !self.options.scores(step) {
+            return;
+        }
+        let ScoredView { model, views, view, raster, status, .. } = *seen;
+        let camera = &views.cameras[view as usize];
+        for (k, dispatch, page) in model.pages(self.segment) {
             self.stages.score.record_indirect(
                 recorder,
                 &density_score::Buffers {
@@ -452,13 +474,13 @@ impl Density {
             self.record_event(recorder, model, moments, event, status);
         }
         if !events.is_empty() {
-            recorder.copy(&model.population, 1, &self.told, 0, 1);
+            recorder.copy(&model.segment_counts, self.segment as usize, &self.told, 0, 1);
         }
     }
 
     fn record_noise(&self, recorder: &mut Recorder, model: &Model, rate: f32, step: u32, status: &Buffer<u32>) {
-        let part = model.part(Segment::Base);
-        for (k, dispatch, page) in model.pages(Segment::Base) {
+        let part = model.part(self.segment);
+        for (k, dispatch, page) in model.pages(self.segment) {
             self.stages.noise.record_indirect(
                 recorder,
                 &density_noise::Buffers { population: &model.population, status, geometry: part.geometry.page(k) },
@@ -487,14 +509,14 @@ impl Density {
         let (b, n, seed) = (&self.buffers, &self.by_number, self.seed);
         let replacement = self.options.strategy == Strategy::Mcmc;
         let threads = self.stages.draw.workgroup_size();
-        recorder.copy(&model.population, 1, &b.words, OLD as usize, 1);
+        recorder.copy(&model.segment_counts, self.segment as usize, &b.words, OLD as usize, 1);
         recorder.fill(&n.copies, 0);
         self.record_weights(recorder, model, event);
         let extent = Extent {
             count: &b.words,
             index: OLD,
             args: &model.population_args,
-            dispatch: model.blocks_dispatch(Segment::Base),
+            dispatch: model.blocks_dispatch(self.segment),
         };
         let scan = |values, offsets| ScanBuffers { values, index: None, block_sums: &b.block_sums, offsets };
         self.stages.scan.record(recorder, &scan(&n.alive, &n.ranks), extent, ALIVE);
@@ -528,7 +550,7 @@ impl Density {
             &b.args,
             0,
         );
-        for (_, dispatch, page) in model.pages(Segment::Base) {
+        for (_, dispatch, page) in model.pages(self.segment) {
             self.stages.place.record_indirect(
                 recorder,
                 &density_place::Buffers { words: &b.words, alive: &n.alive, ranks: &n.ranks, sources: &n.sources },
@@ -538,14 +560,14 @@ impl Density {
             );
         }
         let sources = Sources { sources: &n.sources, count: &b.words, index: NEW };
-        self.stages.rearrange.record(recorder, model, Segment::Base, sources, &moments.all(), status);
+        self.stages.rearrange.record(recorder, model, self.segment, sources, &moments.all(), status);
         self.record_changes(recorder, model, moments, event, status);
     }
 
     /// Selects the Gaussians to keep, and weighs how much each should be multiplied.
     fn record_weights(&self, recorder: &mut Recorder, model: &Model, event: &Event) {
-        let (n, seed, part) = (&self.by_number, self.seed, model.part(Segment::Base));
-        for (k, dispatch, page) in model.pages(Segment::Base) {
+        let (n, seed, part) = (&self.by_number, self.seed, model.part(self.segment));
+        for (k, dispatch, page) in model.pages(self.segment) {
             self.stages.weigh.record_indirect(
                 recorder,
                 &density_weigh::Buffers {
@@ -580,8 +602,8 @@ impl Density {
         event: &Event,
         status: &Buffer<u32>,
     ) {
-        let (b, n, seed, part) = (&self.buffers, &self.by_number, self.seed, model.part(Segment::Base));
-        for (k, dispatch, page) in model.pages(Segment::Base) {
+        let (b, n, seed, part) = (&self.buffers, &self.by_number, self.seed, model.part(self.segment));
+        for (k, dispatch, page) in model.pages(self.segment) {
             self.stages.apply.record_indirect(
                 recorder,
                 &density_apply::Buffers {

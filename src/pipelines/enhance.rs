@@ -106,16 +106,16 @@ impl EnhanceOptions {
         }
     }
 
-    /// Limits of an augmentation of `base`, and the price of a Gaussian.
-    pub fn allowance(&self, base: &Gaussians) -> Allowance {
-        Allowance::new(base, self.lobe_degree(base), self.ratio, self.bytes)
+    /// Limits of an augmentation of `scene`, and the price of a Gaussian.
+    pub fn allowance(&self, scene: &Scene) -> Allowance {
+        Allowance::new(scene, self.lobe_degree(scene), self.ratio, self.bytes)
     }
 
     /// Degree of the harmonics of supplementary Gaussians; the paper's have the base's degree.
-    pub fn lobe_degree(&self, base: &Gaussians) -> u32 {
+    pub fn lobe_degree(&self, scene: &Scene) -> u32 {
         match self.method {
-            Method::Pursuit => self.pursuit.lobe_degree.min(base.sh_degree),
-            Method::Augs => base.sh_degree,
+            Method::Pursuit => self.pursuit.lobe_degree.min(scene.plain_degree()),
+            Method::Augs => scene.base.sh_degree,
         }
     }
 
@@ -250,7 +250,8 @@ pub struct Enhancer {
     pursuit: Option<Pursuit>,
     /// The search for bands, until the plan is made.
     bands: Option<Box<Bands>>,
-    original: Gaussians,
+    /// The base before.
+    original: Scene,
     /// The trained base is worse than the original.
     worse_alone: bool,
     lifting: Lifting,
@@ -278,11 +279,11 @@ impl Enhancer {
         if colors.harmonics.is_none() {
             return Err(Error::Usage(format!("the base has {}, expected harmonics", colors.name)));
         }
-        let allowance = options.allowance(&scene.base);
+        let allowance = options.allowance(scene);
         let room = match options.method {
             Method::Pursuit => {
                 let [supplement, base] = allowance.most();
-                let supplement_degree = Some(options.lobe_degree(&scene.base));
+                let supplement_degree = Some(options.lobe_degree(scene));
                 // Faded supplementary Gaussians stay in the model until the end.
                 Room { base, supplement: supplement.saturating_mul(2), supplement_degree, ..Default::default() }
             }
@@ -302,7 +303,7 @@ impl Enhancer {
             refiner: None,
             pursuit: None,
             bands: None,
-            original: scene.base.clone(),
+            original: scene.clone(),
             worse_alone: false,
             next: Next::Base,
             allowance,
@@ -359,8 +360,8 @@ impl Enhancer {
             pursuit.charge(self.allowance.prices());
         }
         self.pursuit = Some(pursuit);
-        self.next = match self.options.bands && self.original.sh_degree == 0 {
-            true => Next::Bands(Box::new(Bands::new(&self.session, &self.base(), views)?)),
+        self.next = match self.options.bands && self.original.base.sh_degree == 0 {
+            true => Next::Bands(Box::new(Bands::new(&self.session, &self.original, views, 0..views.photos)?)),
             false => self.begin_placing(views)?,
         };
         self.found.times.base = started.elapsed();
@@ -409,11 +410,6 @@ impl Enhancer {
             _ => {}
         }
         Ok(())
-    }
-
-    /// The original base as a scene.
-    fn base(&self) -> Scene {
-        Scene { base: self.original.clone(), origin: self.model.scene_origin, ..Scene::default() }
     }
 
     /// Gives bands to Gaussians that gain more by them, per byte, than the last placed Gaussian gains, as far as bytes are left.
@@ -475,7 +471,7 @@ impl Enhancer {
             {
                 on.before = pursuit.squared_error()?;
                 if self.options.weigh == Weigh::Limit {
-                    let least = on.least_gain(self.found.steps, self.original.len() as u32) as f32;
+                    let least = on.least_gain(self.found.steps, self.original.base.len() as u32) as f32;
                     pursuit.demand(least.max(self.options.pursuit.least_gain));
                 }
             }
@@ -560,7 +556,7 @@ impl Enhancer {
         if let (Some(pursuit), true) = (&mut self.pursuit, done < placements) {
             // Faded Gaussians are removed at the end, so more can be placed now.
             let faded = faded(&self.model, views, self.options.pursuit.least_opacity)?;
-            let plain = self.model.base_count() - self.original.len() as u32;
+            let plain = self.model.base_count() - self.original.base.len() as u32;
             let lobes = self.model.count_of(Segment::Supplement);
             let room = self.model.part(Segment::Supplement).capacity().saturating_sub(lobes);
             let (gaussians, bytes) = self.allowance.left([done, placements], plain, lobes - faded);
@@ -707,7 +703,7 @@ impl Enhancer {
         let mut scene = self.model.download()?;
         let lifted = self.model.count_of(Segment::Supplement);
         if let (Method::Pursuit, Some(supplement)) = (self.options.method, &mut scene.supplement) {
-            let plain = (scene.base.len() - self.original.len()) as u32;
+            let plain = (scene.base.len() - self.original.base.len()) as u32;
             let room = self.allowance.lobes_beside(plain) as usize;
             let opacities = greatest_opacities(supplement, views, scene.origin);
             // More may be left than allowed, if faded Gaussians that were already replaced have recovered.
@@ -719,7 +715,7 @@ impl Enhancer {
         }
         scene.supplement = scene.supplement.filter(|s| !s.gaussians.is_empty());
         // Other viewers show a mixed scene's constant colors.
-        let original = (self.worse_alone && !scene.mixed).then_some(self.original);
+        let original = (self.worse_alone && !scene.mixed).then_some(self.original.base);
         let left = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32);
         Ok(Enhanced { scene, original, lifted: left, faded: lifted - left, ..self.found })
     }
@@ -733,7 +729,7 @@ impl Enhancer {
     /// A trainer on a copy of the base, for some passes over the photographs; rates fall as in the joint
     /// phase.
     fn pilot(&self, views: &Views) -> Result<Pilot> {
-        let model = Model::upload_around(&self.session.context, views.origin, &self.base(), Room::default())?;
+        let model = Model::upload_around(&self.session.context, views.origin, &self.original, Room::default())?;
         // Without bias correction, Adam's moments would not settle in such a short run.
         let options = JoinOptions { bias_correction: true, steps_per_view: TRIAL_PASSES, ..self.options.join };
         let steps = TRIAL_PASSES * views.cameras.len() as u32;
@@ -752,7 +748,7 @@ impl Enhancer {
     }
 
     fn begin_join(&self, views: &Views) -> Result<Next> {
-        if self.model.count() == self.original.len() as u32 && self.found.promotion.gains.is_empty() {
+        if self.model.count() == self.original.base.len() as u32 && self.found.promotion.gains.is_empty() {
             return Ok(Next::Done);
         }
         let mut trainer = join_for(&self.session, &self.model, views, &self.options.join, self.found.steps)?;

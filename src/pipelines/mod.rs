@@ -5,6 +5,8 @@ pub mod bands;
 #[cfg(feature = "train")]
 pub mod checkpoint;
 #[cfg(feature = "train")]
+pub mod classes;
+#[cfg(feature = "train")]
 pub mod density;
 #[cfg(feature = "train")]
 pub mod enhance;

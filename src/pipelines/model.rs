@@ -108,8 +108,10 @@ impl Part {
 /// Extra capacity of a model beyond its scene, and its format.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Room {
-    /// Extra Gaussians of the base.
+    /// Extra Gaussians of the base; in a [mixed](Scene::mixed) scene of those with a constant color.
     pub base: u32,
+    /// Extra Gaussians of the base with bands, in a mixed scene.
+    pub banded: u32,
     /// Extra Gaussians with lobes.
     pub supplement: u32,
     /// Maximum number of Gaussians per page; `None` for the device's limit.
@@ -129,7 +131,11 @@ impl Room {
     /// Capacities of the segments of a model that starts with these counts.
     pub(super) fn capacities(&self, [base, banded, supplement]: [u32; SEGMENTS]) -> [u32; SEGMENTS] {
         // An empty base still has a page: its first Gaussian writes the pixels without a Gaussian.
-        [base.saturating_add(self.base).max(1), banded, supplement.saturating_add(self.supplement)]
+        [
+            base.saturating_add(self.base).max(1),
+            banded.saturating_add(self.banded),
+            supplement.saturating_add(self.supplement),
+        ]
     }
 
     /// Number of Gaussians in each segment.
@@ -209,7 +215,8 @@ pub struct Model {
     pub population: Buffer<u32>,
     /// Dispatches over each page, then over the blocks of all Gaussians up to the end of each segment.
     pub population_args: Buffer<u32>,
-    segment_counts: Buffer<u32>,
+    /// Number of Gaussians in each segment.
+    pub(super) segment_counts: Buffer<u32>,
     pages: Buffer<Page>,
     recount: recount::Stage,
     unused: Unused,

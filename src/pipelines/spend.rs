@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::bands::Promotion;
-use crate::{data::gaussian_bytes, scene::Gaussians};
+use crate::{data::gaussian_bytes, scene::Scene};
 
 /// Maximum number of added Gaussians relative to the base, if gains decide the number.
 pub const MOST_BY_GAIN: f64 = 0.25;
@@ -39,15 +39,15 @@ pub struct Allowance {
 }
 
 impl Allowance {
-    /// Limits to `ratio` times the number of Gaussians in `base`, and to `bytes`. Gaussians with lobes have
+    /// Limits to `ratio` times the number of Gaussians in the base of `scene`, and to `bytes`. Gaussians with lobes have
     /// harmonics of `lobe_degree`.
-    pub fn new(base: &Gaussians, lobe_degree: u32, ratio: f64, bytes: Option<u64>) -> Self {
+    pub fn new(scene: &Scene, lobe_degree: u32, ratio: f64, bytes: Option<u64>) -> Self {
         Allowance {
-            gaussians: (ratio * base.len() as f64).ceil() as u32,
+            gaussians: (ratio * scene.base.len() as f64).ceil() as u32,
             bytes,
-            plain_bytes: gaussian_bytes(base.sh_degree, false),
+            plain_bytes: gaussian_bytes(scene.plain_degree(), false),
             lobe_bytes: gaussian_bytes(lobe_degree, true),
-            base: base.len() as u32,
+            base: scene.base.len() as u32,
         }
     }
 
@@ -302,9 +302,10 @@ impl Spending {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Gaussians;
 
-    fn base(count: usize, sh_degree: u32) -> Gaussians {
-        Gaussians { sh_degree, means: vec![[0.0; 3]; count], ..Default::default() }
+    fn base(count: usize, sh_degree: u32) -> Scene {
+        Scene { base: Gaussians { sh_degree, means: vec![[0.0; 3]; count], ..Default::default() }, ..Scene::default() }
     }
 
     #[test]
@@ -354,6 +355,8 @@ mod tests {
         // 62 and 64 words in a file, and 19 without bands above the constant one.
         assert_eq!(allowance(None).prices(), [256, 248]);
         assert_eq!(Allowance::new(&base(1, 3), 0, 0.1, None).prices(), [76, 248]);
+        // What is added to a mixed scene has no bands.
+        assert_eq!(Allowance::new(&Scene { mixed: true, ..base(1, 3) }, 0, 0.1, None).prices(), [76, 68]);
     }
 
     #[test]

@@ -60,7 +60,8 @@ struct Training {
     views_per_step: u32,
     plan: Box<dyn Fn(u32) -> StepPlan + Send>,
     background: [f32; 3],
-    density: Option<Density>,
+    /// One for each learner, if the number of Gaussians changes.
+    density: Vec<Density>,
     exposure: Option<Exposure>,
     /// The number of Gaussians in a segment may change during the loop.
     varies: bool,
@@ -139,7 +140,7 @@ impl Trainer {
                 views_per_step,
                 plan: Box::new(plan),
                 background: session.background,
-                density: None,
+                density: Vec::new(),
                 exposure: None,
                 varies: false,
                 newton,
@@ -294,7 +295,7 @@ impl Trainer {
     /// Number of base Gaussians after the last refinement of density control; `None` before the first. Does
     /// not wait.
     pub fn gaussians(&self) -> Option<u32> {
-        let [told] = self.work.density.as_ref()?.told.mapped()[..] else { return None };
+        let told = self.work.density.iter().flat_map(|density| density.told.mapped()).sum();
         (told > 0).then_some(told)
     }
 
@@ -309,7 +310,7 @@ impl Trainer {
         done: u32,
     ) -> Result<()> {
         let (schedule, plan) = course(session, views, options, density);
-        if let Some(control) = &mut self.work.density {
+        for control in &mut self.work.density {
             control.replan(options.iterations);
         }
         self.follow(session, schedule, plan, done)
@@ -398,7 +399,7 @@ impl Training {
         let named = moving.flat_map(|(what, planes, moments)| {
             [(format!("{segment}.{what}"), planes), (format!("{segment}.{what}_moments"), moments)]
         });
-        let scores = self.density.as_ref().filter(|_| learner.lesson.segment == Segment::Base);
+        let scores = self.density.iter().find(|density| density.segment == learner.lesson.segment);
         named.chain(scores.map(|density| (format!("{segment}.scores"), &density.scores))).collect()
     }
 }
@@ -482,17 +483,18 @@ impl Looped for On<'_> {
             if let Some(exposure) = &training.exposure {
                 exposure.record_step(recorder, views, view, f64::from(step) / f64::from(training.total()), status);
             }
-            if let Some(density) = &training.density {
-                let seen = ScoredView { model, views, view, raster, grid: &grid, batch, status };
-                density.record_scores(recorder, step, &seen);
+            let seen = ScoredView { model, views, view, raster, grid: &grid, batch, status };
+            if let Some(density) = training.density.first() {
+                density.record_errors(recorder, step, &seen);
             }
+            training.density.iter().for_each(|density| density.record_scores(recorder, step, &seen));
         }
         if several {
             for learner in &training.learners {
                 learner.record_adam(recorder, model, degree, &rates, step, status);
             }
         }
-        if let (Some(density), [learner, ..]) = (&training.density, &training.learners[..]) {
+        for (density, learner) in training.density.iter().zip(&training.learners) {
             density.record(recorder, model, &learner.moments, &rates, step, status);
         }
         Ok(())
@@ -599,26 +601,38 @@ impl BaseOptions {
 /// Their number is fixed.
 pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &BaseOptions) -> Result<Trainer> {
     let fixed = DensityOptions { strategy: Strategy::Fixed, limit: 0, first: 0, iterations: options.iterations };
-    dense_trainer(session, model, views, options, &fixed)
+    dense_trainer(session, model, views, options, &[fixed])
 }
 
-/// A loop of `options.iterations` steps with density control; `model` needs room for `density.limit`
-/// Gaussians.
+/// A loop of `options.iterations` steps with density control: of the base, or of a [mixed](crate::scene::Scene::mixed)
+/// scene's Gaussians with a constant color and of those with bands. `model` needs room for the `limit` of each.
+///
+/// # Errors
+/// [`Error::Usage`] if there is less room, or the strategies differ; otherwise an error of the device.
 pub fn dense_trainer(
     session: &Session,
     model: &Model,
     views: &Views,
     options: &BaseOptions,
-    density: &DensityOptions,
+    density: &[DensityOptions],
 ) -> Result<Trainer> {
+    let strategy = density.first().map_or(Strategy::Fixed, |control| control.strategy);
+    if density.is_empty() || density.len() > 2 || density.iter().any(|control| control.strategy != strategy) {
+        return Err(Error::Usage("density control is one strategy for the base, or for its two classes".into()));
+    }
     let Policy { compensate, packed, .. } = session.policy;
-    let newton = density.strategy.is_newton();
-    let lesson = Lesson { compensate, packed, newton, ..Lesson::new(Segment::Base) };
-    let (schedule, plan) = course(session, views, options, density);
-    let mut trainer = Trainer::new(session, model, views, &[lesson], schedule, 1, plan)?;
-    if density.strategy.kernel().is_some() {
-        trainer.work.density = Some(Density::new(session, model, trainer.raster(), density)?);
-        if density.strategy.follows_errors() {
+    let newton = strategy.is_newton();
+    let segments = || [Segment::Base, Segment::Banded].into_iter().zip(density);
+    let lesson = |(segment, _)| Lesson { compensate, packed, newton, ..Lesson::new(segment) };
+    let lessons: Vec<Lesson> = segments().map(lesson).collect();
+    let (schedule, plan) = course(session, views, options, &density[0]);
+    let mut trainer = Trainer::new(session, model, views, &lessons, schedule, 1, plan)?;
+    if strategy.kernel().is_some() {
+        for (segment, control) in segments() {
+            let control = Density::new(session, model, segment, trainer.raster(), control)?;
+            trainer.work.density.push(control);
+        }
+        if strategy.follows_errors() {
             trainer.work.renderer.raster.make_scores()?;
         }
         trainer.let_counts_vary();

@@ -129,6 +129,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Degree of the bands that a Gaussian of the base has at least.
+    pub fn plain_degree(&self) -> u32 {
+        if self.mixed { 0 } else { self.base.sh_degree }
+    }
+
     /// The scene with means relative to `origin` (world). With the present origin every bit stays the same.
     pub fn around(mut self, origin: DVec3) -> Scene {
         let by = self.origin - origin;

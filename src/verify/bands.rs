@@ -50,9 +50,8 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
         renderer.render_on_device(&model, &views, 0, &Show::all(&model, [0.0; 3]))?;
         let grid = renderer.raster.grid(0, 1, camera.width, camera.height);
         let of = (&model, &views, &renderer.raster);
-        let mut recorded = Ok(());
-        bench.run(|recorder| recorded = rig.record_look(recorder, of, (1, 0), &grid, &status))?;
-        recorded?;
+        let targets = views.targets(0)?;
+        bench.run(|recorder| rig.record_look(recorder, of, (1, 0, 0), (&grid, targets), &status))?;
         if packed {
             continue;
         }
@@ -63,7 +62,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
             if seen { [unit(0), 0.5 + 0.3 * unit(1), 0.4, 0.01 + 40.0 * unit(3)] } else { [0.0; 4] }
         };
         rig.looks.upload(0, &(0..VIEWS * page).map(look).collect::<Vec<_>>())?;
-        bench.run(|recorder| rig.record_fits(recorder, &model, &views, 0))?;
+        bench.run(|recorder| rig.record_fits(recorder, &model, &views, (0, VIEWS)))?;
     }
     Ok(())
 }

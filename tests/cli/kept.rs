@@ -258,6 +258,31 @@ fn exposures_and_betas_that_were_killed_go_on_to_the_same_bits() {
     assert_eq!(told(&report), told(&whole));
 }
 
+/// Kills before some Gaussians get bands, and after.
+#[test]
+fn training_within_bytes_that_was_killed_goes_on_to_the_same_bits() {
+    let work = Work::new();
+    let train = "train data --bytes 100kB --exposure --halvings 1 --iterations 400 --deterministic";
+    let whole = work.json(&format!("{train} -o whole.ply --json"));
+    let is_divided = || fs::read(work.path(CHECKPOINT)).unwrap().windows(7).any(|name| name == b"banded.");
+    work.killed(&format!("{train} -o out.ply"), CHECKPOINT);
+    assert!(!is_divided());
+    while !is_divided() {
+        work.killed(&format!("{train} -o out.ply"), CHECKPOINT);
+    }
+    let report = work.json(&format!("{train} -o out.ply --json"));
+    assert!((1..400).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");
+    let scene = fs::read(work.path("out.ply")).unwrap();
+    assert!(scene == fs::read(work.path("whole.ply")).unwrap());
+    for key in ["gaussians", "banded", "sh_degree", "final_loss", "largest_exposure"] {
+        assert_eq!(report[key], whole[key], "{key}");
+    }
+    // The header has less than 2 KB.
+    assert!((1..=100_000 + 2_000).contains(&scene.len()), "{}", scene.len());
+    let banded = report["banded"].as_u64().unwrap();
+    assert!(banded > 0 && banded < report["gaussians"].as_u64().unwrap(), "{report}");
+}
+
 #[test]
 fn a_checkpoint_of_another_run_is_refused_by_key() {
     let work = Work::new();

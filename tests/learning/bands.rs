@@ -201,7 +201,7 @@ fn error(context: &Context, scene: &Scene, views: &Views) -> f64 {
 }
 
 fn found(context: &Context, scene: &Scene, views: &Views) -> Bands {
-    let mut bands = Bands::new(&session(context), scene, views).unwrap();
+    let mut bands = Bands::new(&session(context), scene, views, 0..views.photos).unwrap();
     let mut last = [0, 1];
     while let Some(now) = bands.advance(views).unwrap() {
         last = now;

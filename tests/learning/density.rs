@@ -2,7 +2,10 @@
 //! run and across an interruption.
 
 use glint::{
+    data::scene_bytes,
     pipelines::{
+        checkpoint::Checkpoint,
+        classes::{Classes, divide},
         density::{BUDGET_SPAN, Density, DensityOptions, Strategy},
         model::{Model, Room, Segment},
         session::Session,
@@ -57,7 +60,7 @@ impl Setup {
 
     fn trainer(&self, model: &Model, density: &DensityOptions) -> Trainer {
         let options = BaseOptions { iterations: density.iterations, sh_degree: 1, ..Default::default() };
-        dense_trainer(&self.session, model, &self.views, &options, density).unwrap()
+        dense_trainer(&self.session, model, &self.views, &options, &[*density]).unwrap()
     }
 }
 
@@ -126,13 +129,59 @@ fn runs_of_every_strategy_grow_to_their_limit_and_repeat_to_the_bit_across_a_che
 
 /// Compares the size of the parameters in the file, since a checkpoint does not state the number of
 /// Gaussians.
-fn checkpoint_is_larger(checkpoint: &glint::pipelines::checkpoint::Checkpoint, first: u32, packed: bool) -> bool {
+fn checkpoint_is_larger(checkpoint: &Checkpoint, first: u32, packed: bool) -> bool {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.safetensors");
     checkpoint.write(&path, &serde_json::Value::Null).unwrap();
     // Geometry and SH of degree 1 with their moments, and scores: 73 floats.
     let words = if packed { 2 * 23 + 4 } else { 3 * 23 + 4 };
     std::fs::metadata(&path).unwrap().len() > u64::from(first) * words * 4 + 4096
+}
+
+/// Constant colors at first, then two classes: each grows to its own limit, within the bytes; the same bits come after a checkpoint of both.
+#[test]
+fn a_scene_that_is_divided_grows_in_both_classes_and_repeats_to_the_bit() {
+    let gpu = Gpu::new();
+    let mut setup = setup(&gpu, 200, false);
+    let start = from_points(&setup.start.means, &vec![[90; 3]; setup.start.len()], 0);
+    setup.start = start;
+    let (bytes, iterations) = (200_000, 200);
+    for packed in [false, true] {
+        setup.session.policy.packed = packed;
+        let options = |sh_degree| BaseOptions { iterations, sh_degree, ..Default::default() };
+        let before = setup.options(Strategy::Budget, Classes::at_first(bytes), iterations);
+        let model = setup.model(&before, 192);
+        let mut trainer = dense_trainer(&setup.session, &model, &setup.views, &options(0), &[before]).unwrap();
+        let run = |trainer: &mut Trainer, model: &Model, steps| {
+            trainer.go_on_to(steps);
+            while trainer.advance(model, &setup.views).unwrap().is_some() {}
+        };
+        trainer.start(false).unwrap();
+        run(&mut trainer, &model, 24);
+        let all = 0..setup.views.photos;
+        let (classes, divided) = divide(&setup.session, &model, &mut trainer, &setup.views, all).unwrap();
+        // The floor of the built-in scene mirrors; most of the rest does not.
+        let Classes { constants, banded, .. } = classes;
+        assert!(banded > 10 && constants > banded, "{classes:?}");
+        assert_eq!(constants + banded, model.counts().unwrap()[0]);
+
+        let controls = classes.controls(&before, bytes);
+        let go_on = |from: &Checkpoint, to| {
+            let (scene, room) = classes.room(glam::DVec3::ZERO, &controls, false);
+            let model = Model::upload_around(&gpu, setup.views.origin, &scene, room).unwrap();
+            let options = options(classes.degree);
+            let mut trainer = dense_trainer(&setup.session, &model, &setup.views, &options, &controls).unwrap();
+            trainer.resume(&model, from, false).unwrap();
+            run(&mut trainer, &model, to);
+            let found = trainer.checkpoint(&model, &setup.views).unwrap();
+            (found, model.counts().unwrap(), model.download().unwrap())
+        };
+        let (half, ..) = go_on(&divided, 100);
+        let (_, counts, scene) = go_on(&divided, iterations);
+        assert_eq!([counts[0], counts[1]], [controls[0].limit, controls[1].limit]);
+        assert!(scene.mixed && scene_bytes(&scene) <= bytes, "{} of {bytes} bytes", scene_bytes(&scene));
+        assert!(bits(&go_on(&half, iterations).2) == bits(&scene), "packed: {packed}");
+    }
 }
 
 #[test]
@@ -147,7 +196,8 @@ fn a_limit_that_is_reached_holds_and_a_model_without_room_is_refused() {
         trainer.run(&model, &setup.views, false, |_| ()).unwrap();
         assert!(model.counts().unwrap()[0] <= first);
         let more = DensityOptions { limit: first + 1, ..density };
-        let refused = Density::new(&setup.session, &model, trainer.raster(), &more).err().unwrap().to_string();
+        let refused =
+            Density::new(&setup.session, &model, Segment::Base, trainer.raster(), &more).err().unwrap().to_string();
         assert!(refused.contains(&format!("not for {}", first + 1)), "{refused}");
         assert!(model.set_count(Segment::Base, first + 1).is_err());
     }

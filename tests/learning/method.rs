@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use glint::{
     pipelines::{
-        density,
+        classes, density,
         enhance::EnhanceOptions,
         exposure,
         join::{JoinOptions, join},
@@ -102,6 +102,9 @@ fn numbers_of_training() -> BTreeMap<&'static str, f64> {
         ("density: last rates of rotations and opacities, of these", density::SETTLED_RATE),
         ("density: rate of positions, of the usual", density::MEAN_RATE),
         ("density: power of a shorter run", density::RATE_POWER),
+        ("classes: divided after, of the run", classes::DIVIDED_AT),
+        ("classes: worth of bytes", classes::WORTH),
+        ("classes: assumed with bands before", classes::ASSUMED),
         ("exposure: first rate", exposure::RATES[0]),
         ("exposure: last rate", exposure::RATES[1]),
         ("Newton: decay of a curvature", CURVATURE_DECAY),

@@ -222,7 +222,7 @@ fn lobes_have_the_bands_that_are_asked_for_and_more_fit_without() {
     let (whole, few, whole_bytes) = run(Some(limit), 2);
     let (none, many, bytes) = run(Some(limit), 0);
     assert_eq!([whole, none, run(None, 7).0, run(None, 1).0], [2, 0, 2, 1]);
-    assert_eq!(EnhanceOptions::pursuit().lobe_degree(&scene.base), 0);
+    assert_eq!(EnhanceOptions::pursuit().lobe_degree(&scene), 0);
     assert!(whole_bytes <= limit && bytes <= limit && few <= 20 && many > 24, "{few} {whole_bytes} {many} {bytes}");
 }
 

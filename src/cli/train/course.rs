@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Args, Costs, Report};
+use super::{Args, Costs, Report, SUBMISSIONS};
 use crate::{
     Error, Result,
     cli::{
@@ -14,16 +14,17 @@ use crate::{
         print, print_json,
         progress::{Progress, learned, note},
     },
-    data::{TrainedWith, gaussian_bytes, write_ply},
+    data::{TrainedWith, scene_bytes, write_ply},
     gpu::Memory,
     pipelines::{
         checkpoint::{Checkpoint, Clock},
+        classes::{Classes, DIVIDED_AT, divide},
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
-        model::Model,
+        model::{Model, Room},
         render::RenderOptions,
         session::Session,
-        train::{BaseOptions, Trainer, halvings_at},
+        train::{BaseOptions, Trainer, dense_trainer, halvings_at},
         views::Views,
     },
     report::runs::StageMean,
@@ -43,15 +44,69 @@ pub(super) struct Course {
     pub(super) most: u32,
     /// Number of times that the sides of photos are halved at first.
     pub(super) halvings: u32,
+    /// With --bytes.
+    pub(super) bytes: Option<u64>,
+    /// Colors and moments lie in the host's memory.
+    pub(super) host: bool,
+    /// With --bytes, once Gaussians have bands.
+    pub(super) classes: Option<Classes>,
 }
 
 impl Course {
     pub(super) fn options(&self, iterations: u32) -> BaseOptions {
-        BaseOptions { iterations, sh_degree: self.sh_degree, begins: self.begins }
+        let sh_degree = self.classes.map_or(self.sh_degree, |classes| classes.degree);
+        BaseOptions { iterations, sh_degree, begins: self.begins }
     }
 
+    /// Density control; with --bytes until some Gaussians get bands.
     pub(super) fn density(&self, iterations: u32) -> DensityOptions {
-        DensityOptions { strategy: self.strategy, limit: self.most, first: self.first, iterations }
+        let limit = self.bytes.map_or(self.most, |bytes| Classes::at_first(bytes).max(self.first));
+        DensityOptions { strategy: self.strategy, limit, first: self.first, iterations }
+    }
+
+    /// Density control of the base, or of its two classes.
+    pub(super) fn controls(&self, iterations: u32) -> Vec<DensityOptions> {
+        let before = self.density(iterations);
+        match (self.bytes, self.classes) {
+            (Some(bytes), Some(classes)) => classes.controls(&before, bytes),
+            _ => vec![before],
+        }
+    }
+
+    /// Steps of a run of `iterations` after which Gaussians get bands, if they have not yet.
+    fn divides_at(&self, iterations: u32) -> Option<u32> {
+        let step = (DIVIDED_AT * f64::from(iterations)).ceil() as u32;
+        self.bytes.filter(|_| self.classes.is_none()).map(|_| step)
+    }
+
+    /// The loop of a run, on the model of `scene`, or on one for the classes that the scene has been divided into.
+    pub(super) fn engine(
+        &self,
+        args: &Args,
+        session: &Session,
+        views: &Views,
+        scene: &Scene,
+        iterations: u32,
+    ) -> Result<(Model, Trainer)> {
+        let (controls, host) = (self.controls(iterations), self.host);
+        let model = match self.classes {
+            None => {
+                let room = Room { base: controls[0].limit.saturating_sub(self.first), host, ..Default::default() };
+                Model::upload_around(&session.context, views.origin, scene, room)?
+            }
+            Some(classes) => {
+                let (scene, room) = classes.room(scene.origin, &controls, host);
+                Model::upload_around(&session.context, views.origin, &scene, room)?
+            }
+        };
+        let mut trainer = dense_trainer(session, &model, views, &self.options(iterations), &controls)?;
+        if args.exposure {
+            trainer.correct_exposure(session, views)?;
+        }
+        if let Some(time) = args.time {
+            trainer.submit_at_most(time / SUBMISSIONS);
+        }
+        Ok((model, trainer))
     }
 
     /// Relative duration of a step, by the fraction of `iterations` steps that is done.
@@ -109,7 +164,7 @@ impl At {
 pub(super) struct Training<'a> {
     pub(super) args: &'a Args,
     pub(super) session: &'a Session,
-    pub(super) model: &'a Model,
+    pub(super) model: Model,
     pub(super) views: &'a Views,
     pub(super) course: Course,
     pub(super) trainer: Trainer,
@@ -120,6 +175,8 @@ pub(super) struct Training<'a> {
     pub(super) bar: Progress,
     pub(super) at: At,
     pub(super) clocks: Clocks,
+    /// Stages are timed.
+    pub(super) timed: bool,
 }
 
 /// Times of a run.
@@ -142,8 +199,9 @@ impl Clocks {
 }
 
 impl Training<'_> {
-    /// Trains until the end or an interrupt, and writes the scene. Returns its number of Gaussians.
-    pub(super) fn drive(&mut self, interrupt: &Interrupt, look_at: &mut Look<'_>) -> Result<usize> {
+    /// Trains until the end or an interrupt, and writes the scene. Returns its number of Gaussians, and how many of them have bands if
+    /// not all have.
+    pub(super) fn drive(&mut self, interrupt: &Interrupt, look_at: &mut Look<'_>) -> Result<[usize; 2]> {
         let mut looks_at = self.next_evaluation();
         // A run that was interrupted just before an evaluation does it now.
         let due = |every| self.at.taken > 0 && self.at.is_going_on() && self.at.taken.is_multiple_of(every);
@@ -152,10 +210,16 @@ impl Training<'_> {
         }
         while !interrupt.asked() {
             let At { done, total, taken } = self.at;
+            let divides_at = self.course.divides_at(total);
+            if divides_at.is_some_and(|step| done >= step) {
+                self.divide()?;
+                continue;
+            }
             let stop = looks_at.map_or(total, |next| total.min(done + (next - taken)));
+            let stop = divides_at.map_or(stop, |step| stop.min(step));
             let in_time = self.deadline.as_ref().map_or(stop, |deadline| deadline.last(done, Instant::now()));
             self.trainer.go_on_to(stop.min(in_time));
-            if let Some(done) = self.trainer.advance(self.model, self.views)? {
+            if let Some(done) = self.trainer.advance(&self.model, self.views)? {
                 self.advanced(done, look_at)?;
             } else if looks_at == Some(taken) && self.at.is_going_on() {
                 let took = self.evaluate(&self.model.download()?)?;
@@ -177,7 +241,8 @@ impl Training<'_> {
         if !interrupt.asked() {
             self.evaluate(&scene)?;
         }
-        Ok(scene.base.len())
+        let banded = if scene.mixed { scene.base.len() - scene.base.constants() } else { 0 };
+        Ok([scene.base.len(), banded])
     }
 
     /// Reports progress after `done` steps, writes due checkpoints, and replans a run by time.
@@ -185,7 +250,7 @@ impl Training<'_> {
         self.at = self.at.after(done);
         let At { taken, total, .. } = self.at;
         let all = taken + total.saturating_sub(done);
-        look_at(self.model, format_args!("step {taken} of {all}"));
+        look_at(&self.model, format_args!("step {taken} of {all}"));
         self.bar.set_of(taken.into(), all.into());
         let small = match halvings_at(self.course.options(total).part(done), self.course.halvings) {
             0 => String::new(),
@@ -203,13 +268,32 @@ impl Training<'_> {
         if let Some(deadline) = &mut self.deadline
             && deadline.is_due(done, Instant::now())
         {
-            self.at = self.at.after(self.trainer.settle(self.model, self.views)?);
+            self.at = self.at.after(self.trainer.settle(&self.model, self.views)?);
             let Plan { total, done } = deadline.plan(self.at.done, Instant::now(), Duration::ZERO);
             tracing::info!("after {} steps: a run of {total}, of which {done} count as done", self.at.taken);
             let (options, density) = (self.course.options(total), self.course.density(total));
             self.trainer.replan(self.session, self.views, &options, &density, done)?;
             self.at = At { done, total, ..self.at };
         }
+        Ok(())
+    }
+
+    /// Gives bands to the Gaussians that gain by them. Density control continues for both.
+    fn divide(&mut self) -> Result<()> {
+        let At { done, total, .. } = self.at;
+        let first = self.views.photos * halvings_at(self.course.options(total).part(done), self.course.halvings);
+        let which = first..first + self.views.photos;
+        let (classes, divided) = divide(self.session, &self.model, &mut self.trainer, self.views, which)?;
+        self.course.classes = Some(classes);
+        let scene = Scene { origin: self.model.scene_origin, ..Scene::default() };
+        let (args, session, views) = (self.args, self.session, self.views);
+        let (model, mut trainer) = self.course.engine(args, session, views, &scene, total)?;
+        trainer.resume(&model, &divided, self.timed)?;
+        (self.model, self.trainer) = (model, trainer);
+        let Classes { degree, constants, banded } = classes;
+        tracing::info!(
+            "after {done} steps: {constants} Gaussians keep constant colors, {banded} get bands of degree {degree}"
+        );
         Ok(())
     }
 
@@ -226,7 +310,7 @@ impl Training<'_> {
         let (seconds, began) = (self.clocks.seconds(), Instant::now());
         let losses = self.trainer.losses(self.at.done);
         let loss = mean_loss(&losses[losses.len().saturating_sub(self.views.photos as usize)..]);
-        let bytes = scene.base.len() as u64 * gaussian_bytes(self.course.sh_degree, false);
+        let bytes = scene_bytes(scene);
         let options = RenderOptions { policy: self.session.policy, ..Default::default() };
         history.add(scene, Moment { step: self.at.taken, seconds, bytes, loss }, options)?;
         let took = began.elapsed();
@@ -235,13 +319,14 @@ impl Training<'_> {
     }
 
     fn checkpoint(&mut self) -> Result<Checkpoint> {
-        let mut found = self.trainer.checkpoint(self.model, self.views)?;
+        let mut found = self.trainer.checkpoint(&self.model, self.views)?;
         // Steps that were in flight are done, too.
         self.at = self.at.after(found.step);
         let Clocks { began, spent, evaluating, .. } = self.clocks;
         let milliseconds = (spent + began.elapsed().saturating_sub(evaluating)).as_millis() as u64;
         let At { total, taken, .. } = self.at;
         found.clock = self.args.time.map(|_| Clock { total, taken, milliseconds });
+        self.course.classes.into_iter().for_each(|classes| classes.keep(&mut found));
         Ok(found)
     }
 
@@ -253,9 +338,10 @@ impl Training<'_> {
     }
 
     /// Prints the report of a run that resumed after `had` steps and wrote this number of Gaussians.
-    pub(super) fn finish(self, had: u32, gaussians: usize, interrupt: Interrupt) -> Outcome {
+    pub(super) fn finish(self, had: u32, [gaussians, banded]: [usize; 2], interrupt: Interrupt) -> Outcome {
         let Training { args, session, course, mut trainer, kept, bar, at, clocks, .. } = self;
         let (context, photos) = (&session.context, self.views.photos as usize);
+        let sh_degree = course.options(at.total).sh_degree;
         let trained = trainer.stop()?;
         let largest_exposure = trainer.exposures()?.map(|maps| farthest(&maps));
         let Memory { most_used, host, .. } = context.memory();
@@ -283,7 +369,8 @@ impl Training<'_> {
             device: &context.info().name,
             photos,
             gaussians,
-            sh_degree: color::of(course.sh_degree).harmonics,
+            sh_degree: color::of(sh_degree).harmonics,
+            banded: course.bytes.map(|_| banded),
             iterations: at.taken,
             iterations_resumed: had,
             seed: args.seed,
@@ -305,7 +392,7 @@ impl Training<'_> {
         }
         match args.json {
             true => print_json(&report)?,
-            false => print(report.text(course.sh_degree))?,
+            false => print(report.text(sh_degree))?,
         }
         if ended {
             // With --time, the final number of steps is unknown.
@@ -324,10 +411,13 @@ impl Report<'_> {
     /// Formats the report as text.
     fn text(&self, sh_degree: u32) -> String {
         let Report { output, device, seconds, steps_per_second, final_loss, .. } = self;
+        let colors = match self.banded {
+            Some(banded) => format!("{}, {banded} of them with bands of degree {sh_degree}", color::of(0).name),
+            None => color::of(sh_degree).name.into(),
+        };
         format!(
-            "{output}: {} of {} from {}\n{} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
+            "{output}: {} of {colors} from {}\n{} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
             counted(self.gaussians, "Gaussian"),
-            color::of(sh_degree).name,
             counted(self.photos, "photo"),
             counted(self.iterations as usize, "step"),
         )

@@ -4,9 +4,10 @@ use glam::DVec3;
 
 use super::{Args, Error, Result};
 use crate::{
-    data::{Dataset, PointCloud, SceneFile, Split, is_point_cloud, read_points},
+    data::{Dataset, PointCloud, SceneFile, Split, gaussian_bytes, is_point_cloud, read_points},
     gpu::Context,
     pipelines::{
+        classes::Classes,
         start::{RANDOM_NTH, default_gaussians, first_points},
         train::LEARNED,
         views::scene_origin_for,
@@ -84,7 +85,10 @@ impl Args {
 
     /// Initial Gaussians: those of a file, or made from its points, the dataset's points, or random ones.
     pub(super) fn first(&self, dataset: &mut Dataset, init: Option<SceneFile>) -> Result<First> {
-        let limit = self.model.gaussians.or(dataset.gaussians).map(|n| n as usize);
+        let of_bytes = |bytes: u64| u32::try_from(bytes / gaussian_bytes(0, false)).unwrap_or(u32::MAX);
+        let asked = self.model.gaussians.or(self.model.bytes.map(of_bytes));
+        let limit = asked.or(dataset.gaussians).map(|n| n as usize);
+        let points_at_most = self.model.bytes.map(Classes::points);
         let cameras: Vec<Camera> = dataset.split(Split::Train).map(|(_, photo)| photo.camera).collect();
         let origin = scene_origin_for(&cameras);
         let mut notes = Vec::new();
@@ -96,6 +100,9 @@ impl Args {
                 }
                 dataset.points = Some(cloud);
                 "points in the file"
+            }
+            (Some(file), Some(_)) if self.model.bytes.is_some() => {
+                return Err(Error::input(file, "holds Gaussians, but --bytes starts from points"));
             }
             (Some(file), Some(init)) => {
                 let Scene { base, supplement, .. } = init.scene.around(origin);
@@ -125,12 +132,12 @@ impl Args {
             }
             (None, _) => "sparse points",
         };
-        let wanted = [self.model.points, self.model.gaussians].into_iter().flatten().min();
+        let wanted = [self.model.points, self.model.gaussians, points_at_most].into_iter().flatten().min();
         let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
         let mut place = "";
         // The papers of the other strategies place their full number of points anywhere.
         if first.sparse.is_none() && self.model.strategy.follows_errors() {
-            let few = match self.model.points {
+            let few = match self.model.points.or(points_at_most) {
                 Some(_) => first.cloud.positions.len(),
                 None => (first.cloud.positions.len() / RANDOM_NTH).max(1),
             };
