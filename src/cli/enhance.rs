@@ -27,7 +27,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    data::{Dataset, Photo, SceneFile, Split, TrainedWith, write_ply},
+    data::{Dataset, Photo, SceneFile, Split, TrainedWith, scene_bytes, write_ply},
     gpu::Context,
     pipelines::{
         enhance::{EnhanceOptions, Enhanced, Method},
@@ -279,8 +279,8 @@ impl Args {
         let allowance = options.allowance(&scene);
         let [lobes, plain] = allowance.most().map(|most| u64::from(most) + photos.len() as u64);
         let [lobe_bytes, plain_bytes] = allowance.prices();
-        let (base, added) = (scene.base.len() as u64 * plain_bytes, (lobes * lobe_bytes).max(plain * plain_bytes));
-        check_room(&self.output, base + added, 0)?;
+        let added = (lobes * lobe_bytes).max(plain * plain_bytes);
+        check_room(&self.output, scene_bytes(&scene) + added, 0)?;
         check_sight(&dataset, scene.origin, &scene.base.means)?;
         if scene.base.sh_degree < 3 {
             note(format!(

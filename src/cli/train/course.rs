@@ -284,12 +284,12 @@ impl Training<'_> {
         let first = self.views.photos * halvings_at(self.course.options(total).part(done), self.course.halvings);
         let which = first..first + self.views.photos;
         let (classes, divided) = divide(self.session, &self.model, &mut self.trainer, self.views, which)?;
-        self.course.classes = Some(classes);
+        let course = Course { classes: Some(classes), ..self.course };
         let scene = Scene { origin: self.model.scene_origin, ..Scene::default() };
-        let (args, session, views) = (self.args, self.session, self.views);
-        let (model, mut trainer) = self.course.engine(args, session, views, &scene, total)?;
+        let (model, mut trainer) = course.engine(self.args, self.session, self.views, &scene, total)?;
         trainer.resume(&model, &divided, self.timed)?;
-        (self.model, self.trainer) = (model, trainer);
+        // Only now: after an error the checkpoint is that of the undivided scene.
+        (self.course, self.model, self.trainer) = (course, model, trainer);
         let Classes { degree, constants, banded } = classes;
         tracing::info!(
             "after {done} steps: {constants} Gaussians keep constant colors, {banded} get bands of degree {degree}"
