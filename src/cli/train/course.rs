@@ -412,8 +412,8 @@ impl Report<'_> {
     fn text(&self, sh_degree: u32) -> String {
         let Report { output, device, seconds, steps_per_second, final_loss, .. } = self;
         let colors = match self.banded {
-            Some(banded) => format!("{}, {banded} of them with bands of degree {sh_degree}", color::of(0).name),
-            None => color::of(sh_degree).name.into(),
+            Some(banded @ 1..) => format!("{}, {banded} of them with bands of degree {sh_degree}", color::of(0).name),
+            _ => color::of(sh_degree).name.into(),
         };
         format!(
             "{output}: {} of {colors} from {}\n{} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
