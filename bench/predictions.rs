@@ -84,7 +84,7 @@ impl Lab {
 
     /// Gaussians of the base that gain by bands of the best degree.
     fn bands(&self) -> Result<(usize, Vec<Single>)> {
-        let mut bands = Bands::new(&self.session, &self.base, &self.views, 0..self.views.photos)?;
+        let mut bands = Bands::new(&self.session, &self.base, &self.views, 0)?;
         while bands.advance(&self.views)?.is_some() {}
         let Promotion { degree, gains } = bands.choose(u64::MAX, 0.0);
         let alone = |i: usize| {

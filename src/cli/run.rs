@@ -148,8 +148,8 @@ impl Args {
         photos.prefer(images, self.preset.max_size());
         let dataset = photos.open(&path)?;
         let bytes = self.bytes.map_or_else(|| self.default_bytes(&dataset), Ok)?;
-        OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
         let steps = self.steps(&path, &dataset, &photos, bytes)?;
+        OutputArgs::default().make_folder(&self.output, &Inputs::default().dataset(&dataset))?;
         self.prepare(&steps)?;
         let before = steps.iter().take_while(|step| step.done.exists()).count();
         for (i, step) in steps.iter().enumerate() {
@@ -251,10 +251,10 @@ impl Args {
         let lines: Vec<String> = steps.iter().map(|step| line_of(&step.arguments)).collect();
         let read = fs::read(&path).ok().map(|text| serde_json::from_slice(&text).unwrap_or(Value::Null));
         let found = read.as_ref().and_then(|read| read["commands"].as_array()).map_or(&[][..], Vec::as_slice);
-        let other = found.iter().find(|found| !lines.iter().any(|line| **found == **line));
+        let other = found.iter().zip(&lines).find(|(found, line)| **found != **line);
         let other = match (&read, other) {
             _ if self.restart => None,
-            (Some(_), Some(found)) => Some(format!("has another run (`{}`)", found.as_str().unwrap_or_default())),
+            (Some(_), Some((found, _))) => Some(format!("has another run (`{}`)", found.as_str().unwrap_or_default())),
             (Some(_), None) if found.is_empty() => Some("has a damaged run.json".into()),
             (Some(_), None) => None,
             (None, _) => {

@@ -491,10 +491,12 @@ impl Args {
 
     fn check_color(&self) -> Result<()> {
         if self.model.bytes.is_some() && !self.model.strategy.follows_errors() {
-            return Err(Error::Usage("--bytes is for --strategy budget".into()));
+            return Err(Error::Usage("--bytes needs --strategy budget; other strategies take --gaussians".into()));
         }
-        if self.model.bytes.is_some_and(|bytes| Classes::at_first(bytes) == 0) {
-            return Err(Error::Usage("--bytes holds no Gaussian: expected at least 1kB".into()));
+        if let Some(bytes) = self.model.bytes.filter(|&bytes| Classes::at_first(bytes) == 0) {
+            let (plain, banded) = (gaussian_bytes(0, false), gaussian_bytes(3, false));
+            let what = format!("--bytes {bytes}: a Gaussian takes {plain}, with bands up to {banded}; expected more");
+            return Err(Error::Usage(what));
         }
         if self.model.color == ColorArg::Sh {
             return Ok(());

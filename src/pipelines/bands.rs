@@ -3,8 +3,6 @@
 //! For each page of Gaussians: (render → two passes of (density_image → blend_backward of scores → bands_look)) for each view, then
 //! bands_fit for each degree. A gain counts views that were left out of the fit, so that of noise is not above 0 in the mean.
 
-use std::ops::Range;
-
 use super::{
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Room, Segment},
@@ -87,13 +85,13 @@ struct Fitted {
 /// A running search.
 pub struct Bands {
     rig: Rig,
-    loss: Photometric,
+    /// With [`Bands::measure_errors`].
+    loss: Option<Photometric>,
     model: Model,
     renderer: Renderer,
     steps: Steps,
-    /// The first view; the others follow.
+    /// The first view.
     first: u32,
-    count: u32,
     page: usize,
     fitted: [Fitted; DEGREES.len()],
 }
@@ -190,8 +188,8 @@ impl Rig {
         }
     }
 
-    /// Records the fits of page `k` to its looks, which are of the first views. Smaller copies of a photograph have its camera's place.
-    pub(crate) fn record_fits(&self, recorder: &mut Recorder, model: &Model, views: &Views, (k, looks): (usize, u32)) {
+    /// Records the fits of page `k` to its looks, one for each photograph. Its smaller copies have the same place.
+    pub(crate) fn record_fits(&self, recorder: &mut Recorder, model: &Model, views: &Views, k: usize) {
         let Some((_, dispatch, page)) = model.pages(Segment::Base).nth(k) else { return };
         for (fit, (gains, fits)) in self.fit.iter().zip(self.gains.iter().zip(&self.fits)) {
             fit.record_indirect(
@@ -208,7 +206,7 @@ impl Rig {
                     segment: page.segment,
                     page_first: page.first,
                     stride: page.capacity,
-                    view_count: looks,
+                    view_count: views.photos,
                 },
                 &model.population_args,
                 dispatch,
@@ -218,13 +216,13 @@ impl Rig {
 }
 
 impl Bands {
-    /// Searches the base of `scene`, in the views `which` of `views`, one for each photograph. Waits.
+    /// Searches the base of `scene`, in all photographs of `views` with their sides halved `halvings` times. Waits.
     ///
     /// # Errors
     /// [`Error::Usage`] if the scene is empty or its colors are not constant, or there are no views; otherwise an error of the device.
-    pub fn new(session: &Session, scene: &Scene, views: &Views, which: Range<u32>) -> Result<Self> {
+    pub fn new(session: &Session, scene: &Scene, views: &Views, halvings: u32) -> Result<Self> {
         let context = &session.context;
-        let count = which.len() as u32;
+        let count = views.photos;
         if scene.base.is_empty() || count == 0 {
             return Err(Error::Usage("no bands to find: no Gaussians, or no views".into()));
         }
@@ -239,22 +237,13 @@ impl Bands {
         let mut renderer = Renderer::new(context, Needs::of(&model), views, render)?;
         renderer.raster.make_scores()?;
         let largest = model.part(Segment::Base).pages.iter().map(|page| page.capacity).max().unwrap_or(1);
-        let loss = LossOptions {
-            tiles: tiles_per_frame(&views.frame_list),
-            map_pixels: 0,
-            losses: count,
-            listed: false,
-            backward: false,
-            probe: false,
-        };
         let mut bands = Bands {
             rig: Rig::new(session, count, largest)?,
-            loss: Photometric::new(context, &loss)?,
+            loss: None,
             model,
             renderer,
             steps: Steps::new(context, STEPS_PER_SUBMISSION.min(views.views_at_once()))?,
-            first: which.start,
-            count,
+            first: count * halvings,
             page: 0,
             fitted: Default::default(),
         };
@@ -264,14 +253,14 @@ impl Bands {
 
     /// Runs until some steps are done; returns their number and that of all, or `None` at the end.
     pub fn advance(&mut self, views: &Views) -> Result<Option<[u32; 2]>> {
-        let (each, pages) = (self.count + 1, self.model.part(Segment::Base).pages.len());
+        let (each, pages) = (views.photos + 1, self.model.part(Segment::Base).pages.len());
         loop {
             if self.page == pages {
                 return Ok(None);
             }
             let before = self.page as u32 * each;
-            let Bands { rig, loss, model, renderer, page, first, count, .. } = self;
-            let mut looking = Looking { rig, loss, model, renderer, views, first: *first, count: *count, page: *page };
+            let Bands { rig, loss, model, renderer, page, first, .. } = self;
+            let mut looking = Looking { rig, loss, model, renderer, views, first: *first, page: *page };
             if let Some(done) = self.steps.advance(&mut looking)? {
                 return Ok(Some([before + done, pages as u32 * each]));
             }
@@ -298,11 +287,25 @@ impl Bands {
         Ok(())
     }
 
-    /// Squared error, summed over pixels and channels of all views, at the end of the search.
+    /// Lets the search measure the error as well. Call it before [`Bands::advance`].
+    pub fn measure_errors(&mut self, session: &Session, views: &Views) -> Result<()> {
+        let options = LossOptions {
+            tiles: tiles_per_frame(&views.frame_list),
+            map_pixels: 0,
+            losses: views.photos,
+            listed: false,
+            backward: false,
+            probe: false,
+        };
+        self.loss = Some(Photometric::new(&session.context, &options)?);
+        Ok(())
+    }
+
+    /// Squared error, summed over pixels and channels of all photographs, after a search with [`Bands::measure_errors`]; otherwise 0.
     pub fn squared_error(&self, views: &Views) -> f64 {
+        let losses = self.loss.iter().flat_map(|loss| loss.losses.mapped());
         let pixels = views.cameras[self.first as usize..].iter().map(|camera| f64::from(camera.pixels()));
-        let losses = &self.loss.losses.mapped()[..self.count as usize];
-        3.0 * losses.iter().zip(pixels).map(|(loss, pixels)| f64::from(loss.squared) * pixels).sum::<f64>()
+        3.0 * losses.zip(pixels).map(|(loss, pixels)| f64::from(loss.squared) * pixels).sum::<f64>()
     }
 
     /// The Gaussians to promote, for at most `most` bytes. Each gains at least `least` per byte. Of all degrees it is the one that gains
@@ -347,31 +350,30 @@ fn places_per_page(context: &Context, views: u32) -> u32 {
 
 struct Looking<'a> {
     rig: &'a Rig,
-    loss: &'a Photometric,
+    loss: &'a Option<Photometric>,
     model: &'a Model,
     renderer: &'a mut Renderer,
     views: &'a Views,
     first: u32,
-    count: u32,
     page: usize,
 }
 
 impl Looped for Looking<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
-        let Looking { rig, loss, model, renderer, views, first, count, page } = self;
-        if step == *count {
-            rig.record_fits(recorder, model, views, (*page, *count));
+        let Looking { rig, loss, model, renderer, views, first, page } = self;
+        if step == views.photos {
+            rig.record_fits(recorder, model, views, *page);
             return Ok(());
         }
         let (show, view) = (Show::all(model, rig.background), *first + step);
         let targets = views.record_photograph(recorder, view)?;
         let grid = renderer.record(recorder, model, views, view, &show, status)?;
-        if *page == 0 {
+        if let (Some(loss), 0) = (loss, *page) {
             let batch = Batch {
                 frames: &views.frames,
                 frame_first: view,
                 frame_count: 1,
-                tiles_per_frame: tiles_per_frame(&views.frame_list),
+                tiles_per_frame: tiles_per_frame(&views.frame_list[view as usize..=view as usize]),
                 image: &renderer.raster.buffers.image,
                 targets,
             };

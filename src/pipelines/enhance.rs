@@ -250,7 +250,7 @@ pub struct Enhancer {
     pursuit: Option<Pursuit>,
     /// The search for bands, until the plan is made.
     bands: Option<Box<Bands>>,
-    /// The base before.
+    /// The scene before.
     original: Scene,
     /// The trained base is worse than the original.
     worse_alone: bool,
@@ -361,7 +361,7 @@ impl Enhancer {
         }
         self.pursuit = Some(pursuit);
         self.next = match self.options.bands && self.original.base.sh_degree == 0 {
-            true => Next::Bands(Box::new(Bands::new(&self.session, &self.original, views, 0..views.photos)?)),
+            true => Next::Bands(Box::new(Bands::new(&self.session, &self.original, views, 0)?)),
             false => self.begin_placing(views)?,
         };
         self.found.times.base = started.elapsed();

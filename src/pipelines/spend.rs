@@ -355,7 +355,7 @@ mod tests {
         // 62 and 64 words in a file, and 19 without bands above the constant one.
         assert_eq!(allowance(None).prices(), [256, 248]);
         assert_eq!(Allowance::new(&base(1, 3), 0, 0.1, None).prices(), [76, 248]);
-        // What is added to a mixed scene has no bands.
+        // Gaussians that are added to a mixed scene have no bands.
         assert_eq!(Allowance::new(&Scene { mixed: true, ..base(1, 3) }, 0, 0.1, None).prices(), [76, 68]);
     }
 

@@ -15,8 +15,8 @@ impl Work {
         fs::read(self.path("made.ply")).unwrap()
     }
 
-    /// Checks that `command` gives the same scene twice, and another one with each of `options`; returns the
-    /// all of them, the first under "".
+    /// Checks that `command` gives the same scene twice, and another one with each of `options`; returns
+    /// all of them, the first under the name "".
     fn changes<'a>(&self, command: &str, options: &[&'a str]) -> BTreeMap<&'a str, Vec<u8>> {
         let plain = self.made(command, "");
         assert!(self.made(command, "") == plain, "{command} makes another scene every time");

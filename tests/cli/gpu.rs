@@ -34,7 +34,7 @@ fn the_run_on_a_gpu_works_on_any_device_and_tells_what_failed() {
 
     let run = |options: &str| {
         let mut command = Command::new(work.path("packed/gpu"));
-        let output = brief(&mut command)
+        let output = command
             .args(["run", "--tiny", "-o", "found.json"])
             .args(options.split(' '))
             .env("PATH", &path)

@@ -17,7 +17,7 @@ use glint::{
 use serde_json::json;
 use tempfile::TempDir;
 
-use super::{brief, run};
+use super::run;
 
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 
@@ -359,7 +359,7 @@ fn the_page_of_a_report_opens_can_be_moved_and_fits_a_narrow_window() {
         let mut command = Command::new(env!("CARGO_BIN_EXE_glint"));
         command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
         command.current_dir(folder.path()).args(arguments.split_whitespace());
-        let output = run::run(brief(&mut command));
+        let output = run::run(&mut command);
         assert!(output.status.success(), "glint {arguments}: {}", String::from_utf8_lossy(&output.stderr));
         output.stdout
     };

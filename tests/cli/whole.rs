@@ -81,8 +81,11 @@ fn a_scene_without_a_degree_has_bands_where_they_pay() {
     assert_eq!(lines.len(), 4);
     assert!(lines[0].starts_with("glint train data --bytes 16500 --iterations 2000 -o out/base.ply"), "{lines:?}");
     assert!(lines[1].contains(" --bytes 5500"), "{lines:?}");
-    assert!(found["train"]["banded"].as_u64() > Some(0), "{found}");
-    assert!(found["scenes"][1]["bytes"].as_u64() <= Some(22_000 + 2_000), "{found}");
+    let banded = found["train"]["banded"].as_u64().unwrap() as usize;
+    let scene = read_scene(&work.path("out/scene.ply")).unwrap();
+    assert!(scene.mixed && banded > 0 && scene.base.len() - scene.base.constants() == banded, "{found}");
+    // The header has less than 2 KB.
+    assert!(found["scenes"][1]["bytes"].as_u64().unwrap() <= 22_000 + 2_000, "{found}");
 }
 
 #[test]

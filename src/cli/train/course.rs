@@ -199,8 +199,7 @@ impl Clocks {
 }
 
 impl Training<'_> {
-    /// Trains until the end or an interrupt, and writes the scene. Returns its number of Gaussians, and how many of them have bands if
-    /// not all have.
+    /// Trains until the end or an interrupt, and writes the scene. Returns its number of Gaussians and, if it is mixed, of those with bands.
     pub(super) fn drive(&mut self, interrupt: &Interrupt, look_at: &mut Look<'_>) -> Result<[usize; 2]> {
         let mut looks_at = self.next_evaluation();
         // A run that was interrupted just before an evaluation does it now.
@@ -281,9 +280,8 @@ impl Training<'_> {
     /// Gives bands to the Gaussians that gain by them. Density control continues for both.
     fn divide(&mut self) -> Result<()> {
         let At { done, total, .. } = self.at;
-        let first = self.views.photos * halvings_at(self.course.options(total).part(done), self.course.halvings);
-        let which = first..first + self.views.photos;
-        let (classes, divided) = divide(self.session, &self.model, &mut self.trainer, self.views, which)?;
+        let halvings = halvings_at(self.course.options(total).part(done), self.course.halvings);
+        let (classes, divided) = divide(self.session, &self.model, &mut self.trainer, self.views, halvings)?;
         let course = Course { classes: Some(classes), ..self.course };
         let scene = Scene { origin: self.model.scene_origin, ..Scene::default() };
         let (model, mut trainer) = course.engine(self.args, self.session, self.views, &scene, total)?;

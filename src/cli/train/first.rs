@@ -132,6 +132,11 @@ impl Args {
             }
             (None, _) => "sparse points",
         };
+        if let (Some(wanted), Some(most)) = (self.model.points, points_at_most)
+            && wanted > most
+        {
+            notes.push(format!("--points {wanted}: --bytes leaves room for {most} at the start"));
+        }
         let wanted = [self.model.points, self.model.gaussians, points_at_most].into_iter().flatten().min();
         let mut first = first_points(dataset, wanted.map(|n| n as usize), self.seed);
         let mut place = "";
