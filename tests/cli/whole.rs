@@ -1,6 +1,7 @@
 //! `glint run`: all commands from photos to a page.
 
 use super::*;
+use glint::data::read_scene;
 
 #[test]
 fn photos_become_a_scene_a_report_and_a_page() {
@@ -82,7 +83,7 @@ fn a_scene_without_a_degree_has_bands_where_they_pay() {
     assert!(lines[0].starts_with("glint train data --bytes 16500 --iterations 2000 -o out/base.ply"), "{lines:?}");
     assert!(lines[1].contains(" --bytes 5500"), "{lines:?}");
     let banded = found["train"]["banded"].as_u64().unwrap() as usize;
-    let scene = read_scene(&work.path("out/scene.ply")).unwrap();
+    let scene = read_scene(work.path("out/scene.ply")).unwrap();
     assert!(scene.mixed && banded > 0 && scene.base.len() - scene.base.constants() == banded, "{found}");
     // The header has less than 2 KB.
     assert!(found["scenes"][1]["bytes"].as_u64().unwrap() <= 22_000 + 2_000, "{found}");
