@@ -28,8 +28,8 @@ use crate::{
 /// Fraction of the run after which Gaussians get bands. The scene then has a third of the Gaussians that it gains. Other fractions were not
 /// measured.
 pub const DIVIDED_AT: f64 = 0.12;
-/// Relative fall of the predicted squared error that justifies a relative increase of bytes. Further Gaussians gain more, but learning
-/// multiplies the gain of bands (docs/experiments/2026-11-29-classes.md).
+/// Relative fall of the predicted squared error that justifies a relative increase of bytes. True gains of bands are several times the
+/// predicted ones (docs/experiments/2026-11-29-predictions.md); docs/experiments/2026-11-29-classes.md has another value.
 pub const WORTH: f64 = 0.05;
 /// Before the division Gaussians grow as if this share of them were to get bands of the highest degree, so that any division fits.
 pub const ASSUMED: f64 = 0.3;
