@@ -162,6 +162,11 @@ impl Args {
             let what = "is not a plan of glint partition; expected one, or scenes to compare (NAME=SCENE)";
             return Err(Error::input(path, what));
         }
+        if let Some(option) = self.photos.arguments().first() {
+            let what =
+                "cannot be combined with a plan and no scenes: the page shows all parts, with the plan's settings";
+            return Err(Error::Usage(format!("{} {what}", option.display())));
+        }
         let plan = Plan::read(path)?;
         let dataset = plan.open_all(path)?;
         let inputs = Inputs::default().dataset(&dataset).scene(path);

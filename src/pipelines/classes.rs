@@ -25,11 +25,11 @@ use crate::{
     scene::{Gaussians, Scene, layout},
 };
 
-/// Fraction of the run after which Gaussians get bands. The scene then has a third of the Gaussians that it gains. Other fractions were not
-/// measured.
+/// Fraction of the run after which Gaussians get bands. The scene then has a third of the Gaussians that it gains. 0.3 is
+/// better on one scene and worse on three (docs/experiments/2026-11-29-classes.md).
 pub const DIVIDED_AT: f64 = 0.12;
 /// Relative fall of the predicted squared error that justifies a relative increase of bytes. True gains of bands are several times the
-/// predicted ones (docs/experiments/2026-11-29-predictions.md); docs/experiments/2026-11-29-classes.md has another value.
+/// predicted ones (docs/experiments/2026-11-29-predictions.md); docs/experiments/2026-11-29-classes.md has other values.
 pub const WORTH: f64 = 0.05;
 /// Before the division Gaussians grow as if this share of them were to get bands of the highest degree, so that any division fits.
 pub const ASSUMED: f64 = 0.3;

@@ -63,6 +63,8 @@ fn a_plan_is_shown_from_above_with_the_sizes_of_its_parts() {
     assert_eq!([sum(1), sum(4)], [7, points]);
     assert!(!page.contains("http"));
     work.refused("report data -o other", &["data", "not a plan"]);
+    work.refused("report plan.json -o other --part 0", &["--part", "all parts"]);
+    work.refused("report plan.json -o other --max-size 16", &["--max-size", "the plan's settings"]);
     work.refused("report plan.json -o page", &["already exists"]);
 }
 
