@@ -25,8 +25,8 @@ use crate::{
     scene::{Gaussians, Scene, layout},
 };
 
-/// Fraction of the run after which Gaussians get bands. The scene then has a third of the Gaussians that it gains. 0.3 is
-/// better on one scene and worse on three (docs/experiments/2026-11-29-classes.md).
+/// Fraction of the run after which Gaussians get bands. The scene then has a third of the Gaussians that it gains. 0.3 is better on one scene
+/// and worse on three (docs/experiments/2026-11-29-classes.md).
 pub const DIVIDED_AT: f64 = 0.12;
 /// Relative fall of the predicted squared error that justifies a relative increase of bytes. True gains of bands are several times the
 /// predicted ones (docs/experiments/2026-11-29-predictions.md); docs/experiments/2026-11-29-classes.md has other values.

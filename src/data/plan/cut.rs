@@ -390,7 +390,7 @@ mod tests {
 
     #[test]
     fn a_ray_crosses_the_parts_in_front_of_what_it_shows_and_behind_it() {
-        // Walls at these depths belong to parts 0 to 3. What lies behind a wall is nearer to the next one.
+        // Walls at these depths belong to parts 0 to 3. A place behind a wall counts as nearer to the next one.
         let depths = [4.0, 8.0, 24.0, 100.0];
         let seed = |z: f64| Part { seeds: vec![[0.0, 0.0, z, 0.0, 0.0, -1.0]], ..Part::default() };
         let patch = |z: f64| Patch { center: DVec3::new(0.0, 0.0, z), radius: 0.1, points: 1 };
