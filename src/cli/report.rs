@@ -80,7 +80,11 @@ fn parse_named(text: &str) -> Result<Named, String> {
 
 /// Compare scenes with a dataset's photos on one page
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, mut_args(|arg| match arg.get_id().as_str() {
+    "dataset" | "scenes" | "output" | "force" => arg,
+    // The page of a plan has no use for them.
+    _ => arg.requires("scenes"),
+}))]
 pub(super) struct Args {
     /// Folder or JSON file of the dataset, or a plan of glint partition
     dataset: PathBuf,
@@ -91,14 +95,14 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Measurements of runs as JSON lines, for curves. May be given several times
-    #[arg(long, value_name = "FILE", requires = "scenes")]
+    #[arg(long, value_name = "FILE")]
     history: Vec<PathBuf>,
     /// Output of `glint train --json` or `glint enhance --json`, for times, memory and plan. May be given
     /// several times
-    #[arg(long, value_name = "FILE", alias = "plan", requires = "scenes")]
+    #[arg(long, value_name = "FILE", alias = "plan")]
     run: Vec<PathBuf>,
     /// Photos to compare with
-    #[arg(long, value_enum, default_value_t = SplitArg::Test, requires = "scenes")]
+    #[arg(long, value_enum, default_value_t = SplitArg::Test)]
     split: SplitArg,
     #[command(flatten)]
     replace: OutputArgs,
@@ -161,11 +165,6 @@ impl Args {
         if !path.is_file() || !is_plan(path)? {
             let what = "is not a plan of glint partition; expected one, or scenes to compare (NAME=SCENE)";
             return Err(Error::input(path, what));
-        }
-        if let Some(option) = self.photos.arguments().first() {
-            let what =
-                "cannot be combined with a plan and no scenes: the page shows all parts, with the plan's settings";
-            return Err(Error::Usage(format!("{} {what}", option.display())));
         }
         let plan = Plan::read(path)?;
         let dataset = plan.open_all(path)?;

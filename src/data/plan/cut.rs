@@ -35,8 +35,8 @@ const ALL: f64 = 5e8;
 const NEIGHBOURS: usize = 6;
 /// Weight of a patch's edges to its neighbours, relative to those to cameras.
 const BETWEEN: f64 = 2.0;
-/// A photo of another part belongs to a part's ring if at least this share of its rays crosses what the part owns. On garden, 5 % adds
-/// three photos, and 30 % leaves out more than a third (docs/experiments/2026-11-28-parts.md).
+/// A photo of another part belongs to a part's ring if at least this share of its rays crosses what the part owns. With rays up to the
+/// surface, 5 % adds three photos on garden, and 30 % leaves out more than a third (docs/experiments/2026-11-28-parts.md).
 const RING: f64 = 0.1;
 /// A photo has a ray in every so many cells; 17 has no factor in common with the cells of a row, so rays spread over all columns.
 const RAY_EVERY: usize = 17;
