@@ -374,7 +374,7 @@ mod tests {
         let mut dataset = builtin_scene(2 * length.points).dataset();
         let photos = std::mem::take(&mut dataset.photos).into_iter().enumerate();
         dataset.photos =
-            photos.filter(|(i, photo)| photo.split == Split::Test || i % 4 == 0).map(|(_, photo)| photo).collect();
+            photos.filter(|(i, photo)| photo.split == Split::Test || i % 8 == 0).map(|(_, photo)| photo).collect();
         let views = dataset.split(Split::Train).count() as u32;
         let Ok((report, _)) = line.args.run_for(&dataset, &length) else { panic!("the demo fails") };
         let [base, on, plain, other, augmented] = &report.rows;

@@ -73,13 +73,13 @@ impl JoinOptions {
         let Policy { compensate, packed, .. } = session.policy;
         let newton = self.newton > 0.0 && self.everything;
         let lesson = |segment: Segment| Lesson {
-            segment,
             opacity_only: !segment.has_lobes() && !self.everything,
             sparse: !segment.has_lobes(),
             bias_correction,
             compensate,
             packed,
             newton,
+            ..Lesson::new(segment)
         };
         let segments = Segment::ALL.into_iter().filter(|&segment| segment != Segment::Banded || model.has(segment));
         segments.map(lesson).collect()

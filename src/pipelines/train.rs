@@ -119,7 +119,9 @@ impl Trainer {
         // The model's spare room may never be used.
         let render =
             RenderOptions { backward: true, first: Some(model.count()), policy: session.policy, ..Default::default() };
-        let needs = Needs::at(model, 0..=model.sh_degree);
+        // The bands in use never become fewer.
+        let least_degree = plan(0).active_degree;
+        let needs = Needs::at(model, least_degree.min(model.sh_degree)..=model.sh_degree);
         let tiles_per_frame = tiles_per_frame(&views.frame_list);
         let loss = LossOptions {
             tiles: tiles_per_frame,
@@ -129,7 +131,7 @@ impl Trainer {
             backward: true,
             probe: newton,
         };
-        let learner = |&lesson: &Lesson| Learner::new(model, lesson, views_per_step > 1);
+        let learner = |&lesson: &Lesson| Learner::new(model, Lesson { least_degree, ..lesson }, views_per_step > 1);
         Ok(Trainer {
             work: Training {
                 renderer: Renderer::new(context, needs, views, render)?,

@@ -87,11 +87,49 @@ fn find_webgpu() -> Option<PathBuf> {
     there.then_some(browser)
 }
 
-/// Writes a page with one camera, "a & b.png".
-fn write_page(path: &Path, scene: &Scene, camera: &Camera, compensate: bool) {
+/// A page with one camera, "a & b.png".
+fn page_of(scene: &Scene, camera: &Camera, compensate: bool) -> String {
     let cameras = vec![("a & b.png", *camera)];
     let viewer = Viewer { title: "random", scene, cameras, focus: None, background: BACKGROUND, compensate };
-    fs::write(path, viewer.page().unwrap()).unwrap();
+    viewer.page().unwrap()
+}
+
+fn write_page(path: &Path, scene: &Scene, camera: &Camera, compensate: bool) {
+    fs::write(path, page_of(scene, camera, compensate)).unwrap();
+}
+
+/// The elements with messages, status and pixels of each page, loaded with its hash. All pages are frames of one browser: its start and
+/// its shaders take most of a browser's time.
+fn framed(browser: &Path, pages: &[(String, String)], more: &[&str]) -> Vec<String> {
+    let folder = TempDir::new().unwrap();
+    let mut frames = String::new();
+    for (i, (page, hash)) in pages.iter().enumerate() {
+        fs::write(folder.path().join(format!("{i}.html")), page).unwrap();
+        frames += &format!("<iframe src=\"{i}.html#{hash}\"></iframe>");
+    }
+    // For Chromium, the page has only loaded when its last frame, which is open until then, is closed.
+    let collect = "<script>
+        const pages = [...document.querySelectorAll('iframe')];
+        const open = document.body.appendChild(document.createElement('iframe')).contentDocument;
+        open.open();
+        const found = frame => ['message', 'status', 'pixels'].map(id => frame.contentDocument.getElementById(id) ?? '');
+        const is_done = frame => {
+            const [message, status, pixels] = found(frame);
+            return !frame.contentWindow.waits && (message.textContent || pixels || status.textContent?.includes('drawn by'));
+        };
+        const timer = setInterval(() => {
+            if (!pages.every(is_done)) return;
+            clearInterval(timer);
+            for (const frame of pages) document.body.append(document.createElement('hr'), ...found(frame));
+            open.close();
+        }, 20);
+    </script>";
+    let path = folder.path().join("all.html");
+    fs::write(&path, frames + collect).unwrap();
+    let page = loaded(browser, &path, "", &[more, &["--allow-file-access-from-files"]].concat());
+    let found: Vec<String> = page.split("<hr>").skip(1).map(str::to_owned).collect();
+    assert_eq!(found.len(), pages.len());
+    found
 }
 
 #[test]
@@ -106,7 +144,6 @@ fn webgpu_draws_what_the_twin_draws() {
     draws_what_the_twin_draws(&browser, "webgpu", WEBGPU);
 }
 
-/// All pages in frames of one browser: most of the time of a browser of their own is its start and its shaders.
 fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
     let (mut whole, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
     let mut cases = Vec::new();
@@ -134,21 +171,14 @@ fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
     let hash = "camera=a%20%26%20b.png&size=80x120".into();
     cases.push((hash, random_scene(42, 1500, 0, 0), "both", half, false));
 
-    let folder = TempDir::new().unwrap();
-    let mut frames = String::new();
-    for (i, (hash, scene, _, camera, compensate)) in cases.iter().enumerate() {
-        write_page(&folder.path().join(format!("{i}.html")), scene, camera, *compensate);
-        frames += &format!("<iframe src=\"{i}.html#{hash}&renderer={renderer}&pixels\"></iframe>");
-    }
-    let collect = "<script>addEventListener('load', () => document.querySelectorAll('iframe').forEach(frame => {
-        const found = ['message', 'pixels'].map(id => frame.contentDocument.getElementById(id) ?? '');
-        document.body.append(document.createElement('hr'), ...found);
-    }))</script>";
-    let path = folder.path().join("all.html");
-    fs::write(&path, frames + collect).unwrap();
-    let page = loaded(browser, &path, "", &[more, &["--allow-file-access-from-files"]].concat());
-    let found: Vec<Vec<u8>> = page.split("<hr>").skip(1).map(pixels).collect();
-    assert_eq!(found.len(), cases.len());
+    let pages: Vec<_> = cases
+        .iter()
+        .map(|(hash, scene, _, camera, compensate)| {
+            (page_of(scene, camera, *compensate), format!("{hash}&renderer={renderer}&pixels"))
+        })
+        .collect();
+    let found = framed(browser, &pages, more);
+    let found: Vec<Vec<u8>> = found.iter().map(|page| pixels(page)).collect();
     for (rgb, (_, scene, show, camera, compensate)) in found.iter().zip(&cases) {
         compare(rgb, scene, show, camera, *compensate);
     }
@@ -206,28 +236,28 @@ fn webgpu_sorts_what_is_large_as_webgl_does() {
     assert!(webgl.len() == webgpu.len() && most <= Some(&2) && differ < offs.len() / 100, "{most:?}, {differ}");
 }
 
-/// The status of an interactive page with 200 Gaussians; `script` runs before the page's own. Fails if a
-/// message is shown.
-fn status_after(browser: &Path, script: &str, hash: &str, more: &[&str]) -> String {
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("page.html");
-    write_page(&path, &random_scene(41, 150, 50, 0), &random_camera(160, 120), false);
-    let page = fs::read_to_string(&path).unwrap();
-    fs::write(&path, page.replacen("<script>", &format!("<script>{script}</script>\n<script>"), 1)).unwrap();
-    let page = loaded(browser, &path, hash, more);
-    let status = text_of(&page, "status").unwrap();
-    let drawn: u32 = status.split(' ').next().unwrap().parse().unwrap_or(0);
-    assert!(drawn > 0 && status.contains("of 200 Gaussians"), "{status:?}, {:?}", text_of(&page, "message"));
-    assert_eq!(text_of(&page, "message"), Some(""));
-    status.to_owned()
+/// Interactive pages with 200 Gaussians must show no message, and must be drawn by the renderers of `cases`: script that runs before
+/// the page's own, hash, name of the renderer.
+fn drawn_by(browser: &Path, cases: &[(&str, &str, &str)], more: &[&str]) {
+    let page = page_of(&random_scene(41, 150, 50, 0), &random_camera(160, 120), false);
+    let with = |script: &str| page.replacen("<script>", &format!("<script>{script}</script>\n<script>"), 1);
+    let pages: Vec<_> = cases.iter().map(|(script, hash, _)| (with(script), (*hash).to_owned())).collect();
+    for (found, (script, hash, name)) in framed(browser, &pages, more).iter().zip(cases) {
+        let (status, message) = (text_of(found, "status").unwrap(), text_of(found, "message"));
+        let drawn: u32 = status.split(' ').next().unwrap().parse().unwrap_or(0);
+        assert!(drawn > 0 && status.contains("of 200 Gaussians"), "{script} {hash}: {status:?}, {message:?}");
+        assert!(
+            status.contains(&format!("drawn by {name}")) && message == Some(""),
+            "{script} {hash}: {status} {message:?}"
+        );
+    }
 }
 
 #[test]
 fn the_first_frame_waits_for_no_worker() {
     let Some(browser) = chromium() else { return };
     // A worker that never answers.
-    let status = status_after(&browser, "window.Worker = class { postMessage() {} };", "", &[]);
-    assert!(status.contains("WebGL2"), "{status}");
+    drawn_by(&browser, &[("window.Worker = class { postMessage() {} };", "", "WebGL2")], &[]);
 }
 
 #[test]
@@ -238,7 +268,24 @@ fn webgpu_is_taken_where_it_is_good_and_webgl_elsewhere() {
         format!("{device} GPUDevice.prototype.createComputePipelineAsync = () => Promise.reject(new Error('no'));");
     let narrow =
         format!("{device} Object.defineProperty(GPUSupportedLimits.prototype, 'maxBufferSize', {{ value: 9000 }});");
-    for (script, hash, name) in [
+    // The device is lost after each of the first frames.
+    let lost = |losses: u32| {
+        format!(
+            "{{
+                const made = [], ask = GPUAdapter.prototype.requestDevice, status = document.getElementById('status');
+                GPUAdapter.prototype.requestDevice = async function (...how) {{
+                    made.push(await ask.apply(this, how));
+                    return made.at(-1);
+                }};
+                window.waits = true;
+                new MutationObserver(() => {{
+                    window.waits = made.length <= {losses} && status.textContent.includes('WebGPU');
+                    if (window.waits) made.at(-1).destroy();
+                }}).observe(status, {{ childList: true }});
+            }}"
+        )
+    };
+    let cases = [
         (device, "", "WebGPU"),
         (device, "renderer=webgl2", "WebGL2"),
         ("", "renderer=webgpu&show=supplement&precision=float", "WebGPU"),
@@ -247,57 +294,32 @@ fn webgpu_is_taken_where_it_is_good_and_webgl_elsewhere() {
         ("Object.defineProperty(navigator, 'gpu', { value: undefined });", "", "WebGL2"),
         (&narrow, "", "WebGL2"),
         (&refused, "", "WebGL2"),
-    ] {
-        let status = status_after(&browser, script, hash, WEBGPU);
-        assert!(status.contains(&format!("drawn by {name}")), "{script} {hash}: {status}");
-    }
-}
-
-/// The device is lost after the first frame, and so is the next one.
-#[test]
-fn a_lost_device_is_asked_for_once_more() {
-    let Some(browser) = with_webgpu() else { return };
-    for (losses, name) in [(1, "WebGPU"), (2, "WebGL2")] {
-        // For Chromium, the page has only loaded after the next frames are drawn.
-        let script = format!(
-            "{{
-                const made = [], ask = GPUAdapter.prototype.requestDevice;
-                GPUAdapter.prototype.requestDevice = async function (...how) {{
-                    made.push(await ask.apply(this, how));
-                    return made.at(-1);
-                }};
-                const open = document.body.appendChild(document.createElement('iframe')).contentDocument;
-                open.open();
-                const told = () => made.length > 0 && made.length <= {losses} ? made.at(-1).destroy() : open.close();
-                new MutationObserver(told).observe(document.getElementById('status'), {{ childList: true }});
-            }}"
-        );
-        let status = status_after(&browser, &script, "renderer=webgpu", WEBGPU);
-        assert!(status.contains(&format!("drawn by {name}")), "{losses}: {status}");
-    }
+        // A lost device is asked for once more.
+        (&lost(1), "renderer=webgpu", "WebGPU"),
+        (&lost(2), "renderer=webgpu", "WebGL2"),
+    ];
+    drawn_by(&browser, &cases, WEBGPU);
 }
 
 #[test]
 fn what_cannot_be_shown_is_said() {
     let Some(browser) = chromium() else { return };
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("page.html");
-    let scene = random_scene(1, 20, 0, 0);
-    let cameras = vec![("a.png", random_camera(16, 12))];
-    let viewer =
-        Viewer { title: "random", scene: &scene, cameras, focus: None, background: BACKGROUND, compensate: false };
-    fs::write(&path, viewer.page().unwrap()).unwrap();
-    for (hash, more, words) in [
-        ("camera=b.png&size=16x12", &[][..], ["#camera=b.png", "a.png"]),
-        ("size=16x12", &["--disable-3d-apis"], ["WebGL2", "not offer"]),
-        ("renderer=webgpu", &[], ["#renderer=webgpu", "not offer"]),
-        ("size=16x12&renderer=webgpu", &[], ["#renderer=webgpu", "not offer"]),
-        ("renderer=canvas", &[], ["#renderer=canvas", "webgpu, webgl2"]),
-    ] {
-        let page = loaded(&browser, &path, hash, more);
-        let said = text_of(&page, "message").unwrap();
-        assert!(words.iter().all(|word| said.contains(word)), "{said}");
-    }
+    let page = page_of(&random_scene(1, 20, 0, 0), &random_camera(16, 12), false);
+    let said = |cases: &[(&str, [&str; 2])], more: &[&str]| {
+        let pages: Vec<_> = cases.iter().map(|(hash, _)| (page.clone(), (*hash).to_owned())).collect();
+        for (found, (hash, words)) in framed(&browser, &pages, more).iter().zip(cases) {
+            let said = text_of(found, "message").unwrap();
+            assert!(words.iter().all(|word| said.contains(word)), "{hash}: {said}");
+        }
+    };
+    said(&[("size=16x12", ["WebGL2", "not offer"])], &["--disable-3d-apis"]);
+    let cases = [
+        ("camera=b.png&size=16x12", ["#camera=b.png", "a &amp; b.png"]),
+        ("renderer=webgpu", ["#renderer=webgpu", "not offer"]),
+        ("size=16x12&renderer=webgpu", ["#renderer=webgpu", "not offer"]),
+        ("renderer=canvas", ["#renderer=canvas", "webgpu, webgl2"]),
+    ];
+    said(&cases, &[]);
 }
 
 /// Runs before all scripts of the page, so that it sees their errors.

@@ -147,8 +147,8 @@ impl<'a> Probe<'a> {
         let segments = Segment::ALL.into_iter().filter(|&s| model.count_of(s) > 0);
         let learners: Vec<_> = segments
             .map(|segment| {
-                let Setup { opacity_only, compensate, packed, .. } = self.setup;
-                let lesson = Lesson { opacity_only, compensate, packed, ..Lesson::new(segment) };
+                let Setup { opacity_only, compensate, packed, degree: least_degree, .. } = self.setup;
+                let lesson = Lesson { opacity_only, compensate, packed, least_degree, ..Lesson::new(segment) };
                 [true, false].map(|accumulate| Learner::new(&model, lesson, accumulate).unwrap())
             })
             .collect();
