@@ -230,14 +230,6 @@ mod tests {
                 assert!(refused.to_string().contains("this command reads"), "{refused}");
             }
         }
-        fs::write(at("other.ply"), "other").unwrap();
-        let check = |force| OutputArgs { force }.check_file(&at("other.ply"), "ply", "a scene", &inputs);
-        assert!(check(false).unwrap_err().to_string().contains("--force"));
-        check(true).unwrap();
-        let packed = OutputArgs { force: true }.check_ply(&at("new.compressed.ply"), &inputs).unwrap_err();
-        let then = "a name such as new.ply; then `glint convert new.ply new.compressed.ply` makes the other file";
-        assert!(packed.to_string().ends_with(then), "{packed}");
-        OutputArgs { force: true }.check_ply(&at("new.ply"), &inputs).unwrap();
     }
 
     #[test]

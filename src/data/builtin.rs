@@ -186,99 +186,6 @@ fn direction(azimuth: f64, elevation: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::srgb::srgb_from_linear;
-
-    /// A basis of the polynomials of degree 3 on the sphere, the span of real spherical harmonics up to
-    /// degree 3.
-    fn cubics(v: DVec3) -> [f64; 16] {
-        let DVec3 { x, y, z } = v;
-        let quadratic = [x * y, y * z, x * z, x * x - y * y, 3.0 * z * z - 1.0];
-        let [a, b, c, d, e] = quadratic;
-        let (f, g) = (y * (3.0 * x * x - y * y), x * (x * x - 3.0 * y * y));
-        let zz = 5.0 * z * z;
-        [1.0, x, y, z, a, b, c, d, e, x * y * z, f, g, z * d, y * (zz - 1.0), x * (zz - 1.0), z * (zz - 3.0)]
-    }
-
-    /// Least squares with a ridge on all but the constant, by Cholesky decomposition.
-    fn fit(rows: &[[f64; 16]], values: &[DVec3], ridge: f64) -> [DVec3; 16] {
-        let mut a = [[0.0; 16]; 16];
-        let mut b = [DVec3::ZERO; 16];
-        for i in 0..16 {
-            b[i] = rows.iter().zip(values).map(|(r, v)| r[i] * *v).sum();
-            for (j, a) in a[i].iter_mut().enumerate() {
-                *a = rows.iter().map(|r| r[i] * r[j]).sum();
-            }
-            a[i][i] += if i == 0 { 1e-9 } else { ridge };
-        }
-        for i in 0..16 {
-            for j in 0..=i {
-                let v = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
-                a[i][j] = if i == j { v.sqrt() } else { v / a[j][j] };
-            }
-            b[i] = (b[i] - (0..i).map(|k| a[i][k] * b[k]).sum::<DVec3>()) / a[i][i];
-        }
-        for i in (0..16).rev() {
-            b[i] = (b[i] - (i + 1..16).map(|k| a[k][i] * b[k]).sum::<DVec3>()) / a[i][i];
-        }
-        b
-    }
-
-    fn srgb(v: DVec3) -> DVec3 {
-        DVec3::from_array(v.min(DVec3::ONE).to_array().map(srgb_from_linear))
-    }
-
-    /// Checks the purpose of the scene. At surface points that test cameras see, harmonics of degree 3 fitted
-    /// to all training views leave an error. Lobes of 4.5° around the training directions reduce it by more
-    /// than 2 dB (measured: 26.5 to 29.4 dB).
-    #[test]
-    fn lobes_remove_an_error_that_harmonics_leave() {
-        const STEP: u32 = 3;
-        const LOBE: f64 = 4.5;
-        let studio = studio();
-        let cameras = cameras();
-        let training: Vec<DVec3> = cameras.iter().filter(|c| !c.1).map(|c| c.0.eye()).collect();
-        let color = |eye: DVec3, hit: &studio::Hit| {
-            let (diffuse, specular) = studio.shade(hit, (hit.point - eye).normalize(), 1);
-            srgb(diffuse + specular)
-        };
-        let n = SIZE.div_ceil(STEP);
-        let pixels: Vec<_> = cameras.iter().filter(|c| c.1).flat_map(|c| (0..n * n).map(|i| (c.0, i))).collect();
-        let [harmonics, lobes] = pixels
-            .par_iter()
-            .map(|(camera, i)| {
-                let (x, y) = (STEP * (i % n), STEP * (i / n));
-                let eye = camera.eye();
-                let d = (camera.unproject(x as f64 + 0.5, y as f64 + 0.5, 1.0) - eye).normalize();
-                let Some(hit) = studio.trace(eye, d) else { return [0.0; 2] };
-                let (mut rows, mut values, mut toward) = (vec![], vec![], vec![]);
-                for &e in &training {
-                    let v = (e - hit.point).normalize();
-                    if hit.normal.dot(v) > 0.05 && studio.enter(hit.point + 1e-6 * hit.normal, v).is_none() {
-                        rows.push(cubics(v));
-                        values.push(color(e, &hit));
-                        toward.push(v);
-                    }
-                }
-                let coefficients = fit(&rows, &values, 0.01);
-                let predict = |r: &[f64; 16]| r.iter().zip(&coefficients).map(|(r, c)| *r * *c).sum::<DVec3>();
-                let harmonics = predict(&cubics(-d));
-                // Interpolates the residuals of the training views; 0.02 makes them fade out far from all
-                // views.
-                let (mut weight, mut sum) = (0.02, DVec3::ZERO);
-                for ((v, row), value) in toward.iter().zip(&rows).zip(&values) {
-                    let angle = v.angle_between(-d).to_degrees() / LOBE;
-                    let w = (-0.5 * angle * angle).exp();
-                    weight += w;
-                    sum += w * (*value - predict(row));
-                }
-                let truth = color(eye, &hit);
-                let error = |p: DVec3| (p.clamp(DVec3::ZERO, DVec3::ONE) - truth).length_squared() / 3.0;
-                [error(harmonics), error(harmonics + sum / weight)]
-            })
-            .reduce(|| [0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
-            .map(|sum| -10.0 * (sum / pixels.len() as f64).log10());
-        assert!(lobes > harmonics + 2.0, "harmonics {harmonics:.2} dB, with lobes {lobes:.2} dB");
-    }
 
     /// Neighbouring cameras are near enough for a highlight (7° to either side) to persist from one to the
     /// next.
@@ -293,12 +200,12 @@ mod tests {
         }
     }
 
-    /// Two small views of the scene: all light, and its diffuse part. After an intended change of the scene,
+    /// Two tiny views of the scene: all light, and its diffuse part. After an intended change of the scene,
     /// the failing assertion prints the new values.
     #[test]
     fn the_scene_is_what_it_was() {
         let mut seen = String::new();
-        for camera in [9, 44].map(|i| cameras()[i].0.resized(12, 12)) {
+        for camera in [9, 44].map(|i| cameras()[i].0.resized(8, 8)) {
             for part in [Part::All, Part::Diffuse] {
                 let bytes = render_truth(&camera, part).iter().map(|v| to_byte(f64::from(*v))).collect::<Vec<u8>>();
                 bytes.iter().for_each(|byte| seen += &format!("{byte:02x}"));
@@ -320,7 +227,7 @@ mod tests {
             let rgb = render_truth(&camera, Part::All).iter().map(|&v| to_byte(f64::from(v))).collect();
             BuiltinPhoto { name: String::new(), camera, is_test: i == 20, rgb }
         };
-        let (positions, colors) = surface_points(studio(), SEED, &[9, 13, 20, 26, 44, 50].map(photo), 24);
+        let (positions, colors) = surface_points(studio(), SEED, &[9, 13, 20, 26, 44, 50].map(photo), 12);
         let now: Vec<i32> = positions
             .iter()
             .zip(&colors)
@@ -330,57 +237,36 @@ mod tests {
         assert!(same, "{now:?}");
     }
 
-    const GOLDEN_VIEWS: [&str; 32] = [
-        "1e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e2129",
-        "1e21298d857037312c1e21291e21291e21291e21291e212922242c2f303535363b484849454446786a46645d4c23262d1e21291e2129",
-        "49494b5f5f606b6c718082876d759799a0c66e7597564526706f646b848463797848494c888584a37e7a6d495098979a4048562c3a60",
-        "494e66645c5362a19f87cac655b8b36f9796b85e5dda7473c94b49753b3c5554564f51597572727774747994a663918f468586768784",
-        "a63431c06862b853548d43416b69688b88839995907f7e817a8095555a615d5f5e7876748144408e302c8c312e70505084817fb4afa9",
-        "beaea786807b2e2e30605e5d4f4e4f908d8a645c5b5d413d574242575454a09c97c7c1ba675a56847f7c514f515352517977759b9894",
-        "9d999499948e88837f7e7b78827e78726f6c6867676765656866647a79797e7d7d9b9894918e8c8684837675768e8b88a8a39d999591",
-        "6866648e8a85a8a49e9895928987869d9a96a4a09b7f7d7d7d7b7c93908e928f8d7c7b7c7c7b7c9794919f9b978a8887908d8baba6a1",
-        "1e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e21291e2129",
-        "1e2129423728302b281e21291e21291e21291e21291e212922242c2f303535363b4848494544464132183a322923262d1e21291e2129",
-        "49494b5f5f6030302f1615162e427536549a4e5b863629125b605b6a848362797848494c888584a27c784f13110000000307141f315c",
-        "454b635a5550398f8d49b3ae48b3ae699392b55653cd403bc63d39661b192c2d314e4f587471727674745f80953b7d7d2c7b7a738481",
-        "a5312cb33631b035318939376b69688b88838c88835a5b63666e864950585b5d5b7876747c37348b27238927236d4c4c706e6d565252",
-        "462f2b3027282a292a29282b383739908d8a615958573935523d3d5754542826292d292b33211d2c272a2c2a2f4c4a497876749b9894",
-        "9d999499948e88837f7e7b78827d784946442b2a2e2f2d306562607a79797e7d7d9b9894918e8c8684837675768e8b88a8a39d999591",
-        "6563628d8984a8a49e9895928987869d9a96a4a09b7f7d7d7d7b7c93908e928f8d7c7b7c7c7b7c9794919f9b978a8887908d8baba6a1",
-        "24272e414143575657716f6e8784806c6b6c6d6c6d85827f706e6c4d4d503e3e41292a306160618d8986a09c977d7b7c787777989490",
-        "9996928b8a8f9290908e8b89807d7a6a67659a97927c7b7b8b8885827f7b989b9f7f81877f7e838695c27888bb8d8e9c958877988c5f",
-        "b06e6cca7574a07a77776d6a706267727b7e343c5a4f60925e71a83e4155544325786b59d16560d76765b4403d605556535050555354",
-        "4b4c5042485e38416176726e55483279736bb03935b54b4a9232306a626367656576747183807d7c797681807b71a7a265adaa72a8a4",
-        "8e6b667d3b3a5d414174717173717085827e9e9a94938f8a5378785dbcb75db9b873c7c2938d886a6767504e4f85868a82848a81848c",
-        "838daf888b8e4b605e61a09e80bfbe5fafb08582808d898468686b9a7a689486806f71765f6986505669686766737b764b7370537270",
-        "9d9995a5a09a6c6c6e4d4749524f535a5c6132323639393d57565984827f7d7b787e7b798a88878f8c8a605f5f505052616061706f6f",
-        "5b5958515051606061908d8ba5a19ba4a09a7c7b7c7e7d7da09b96a39e988d8a877877788482819b9893989591989591a29e9aa39f9a",
-        "24272e414143575657716f6e8784806c6b6c6d6c6d85827f706e6c4d4d503e3e41292a306160618d8986a09c977d7b7c77767597938f",
-        "99969288878c9290908e8b89807d7a6a67649a97927c7b7b8b88857e7a75000000000000747274445b9a475ea08687965d4e365a4b34",
-        "af6d6abf55539e7874666360000000000000111f3e2e4784345095383c523e2f1659534bc83e39cb3f3bb23633594e4f282625292929",
-        "48484d3d435b2b375b73706c3d34276b6966af3530b03531902a2868606167656576747183807d7c7976807f7a68a19b51a3a05c9c99",
-        "8a64607932305b3d3e74717173717085827e9e9a94938f8a4e75754ab5ae45b0ae4ab7b2938d886a67674a4747524f4e3c3a3c373740",
-        "6f7ba076787a3e5654348e8d3fa3a13da09f8582808d89844946455031273f2b283c3b3c59638240475c5e5d5b71787348716e4f6f6d",
-        "9d9995a5a09a524f4e2d26282c292c2b2a2e2725292b2a2d47464884827f7d7b787e7b798a88878f8c8a4d4b4a3d3b3c4846464f4d4c",
-        "5452504f4d4e575758908d8ba5a19ba4a09a7c7b7c7e7d7da09b96a39e988d8a877877788482819b9893989591989591a29e9aa39f9a",
+    const GOLDEN_VIEWS: [&str; 15] = [
+        "1e21291e21291e21291e21291e21291e21291e21291e21291e21291f222a2c2d33393a3d4740377e776720222a1e21296e6c6b747476",
+        "8c9097717ba456576d6572656c9d9b597978b57676c56d6b664d4e4b4e5b73717364858f5098966d9392a23632b25a567c4f4e878380",
+        "a5a19b7477815f60637a79766b4f4d683d3b6a6564cac4bd9886746866655856568a87859c98938985828b878386827e5755557f7c79",
+        "7f7e7d8f8d8b94918e7877789693908a8786848281a4a09b8f8d8ba6a29d1e21291e21291e21291e21291e21291e21291e21291e2129",
+        "1e21291f222a2c2d33393a3d3c363243362420222a1e21296e6c6b504e4d1918192e48853a4162446059619794567776af6664b54642",
+        "430f0d3e4251727072517882368e8c5e8987a02f2aa9332e794a4a7c79776d6a6753586a4e50557977756344426435335852523b3739",
+        "3f28232b2a2e4b49488a87859c98938985828b878377736f37353774716d7f7e7d8f8d8b94918e7877789693908a8786848281a4a09b",
+        "8f8d8ba6a29d3e3e42706e6c7a787685828084828083817e5857594a494a8a8885908d8a7573748c8c8e848691828cb2928f91928664",
+        "bf6462b8706c6c65647475774148635263944f47466c6150c26662ab4d4e665e5e6a68677673726d7072749c976995908b6d69604445",
+        "7d7c7d8482829795975c6e6e77c0bd69c1bd8884816f6e6e958883777a7f7d859c5b5b5c5b7d7a5582859e9a968482804e4a4d616267",
+        "45444849494c8885828a87837c7b7c8986838e8a856e6c6c8683808c89869b9894a5a19c3e3e42706e6c7a787685828084828083817e",
+        "5857594a494a8a8885908d8a6b6866494745797985616d9b8b898c665b4cbc5e5bb05b584644430000003a425d2d46833a373f544c42",
+        "b83834a4312e6158596361607673726a6d6f6c97915a8d8a8667635e42426c696973706e94939556696946afaa49b5b08884815f5c5a",
+        "462f2a3534366d76914a49485a7b794176789e9a9675716e2c272a2c2b2f29282b39383b8885828a87837c7b7c8986838d89846b6a6a",
+        "8683808c89869b9894a5a19c",
     ];
     /// Position in thousandths, and color.
     #[rustfmt::skip]
-    const GOLDEN_POINTS: [i32; 144] = [
+    const GOLDEN_POINTS: [i32; 72] = [
         571, -33, 291, 73, 102, 99, -102, -380, -23, 103, 102, 105, -192, 430, 175, 86, 86, 86,
         -579, 856, 621, 101, 100, 102, -239, -643, 316, 148, 129, 120, -870, -300, 570, 165, 52, 49,
         -665, -907, 70, 87, 84, 81, 164, 2166, 6, 139, 137, 139, 870, -92, 495, 117, 203, 198,
         1053, 642, 491, 103, 86, 58, 563, -508, 135, 97, 98, 101, -846, -322, -12, 96, 93, 92,
-        601, 674, 410, 67, 79, 116, 363, -852, 134, 73, 72, 74, 1051, -450, 226, 65, 104, 102,
-        126, -1058, 57, 100, 98, 96, -672, 500, 448, 115, 98, 97, 47, 2653, -12, 33, 36, 43,
-        161, 868, 9, 47, 57, 88, -1221, -341, 435, 138, 56, 52, -403, 590, 747, 143, 146, 152,
-        -209, 827, 702, 124, 125, 127, 70, -653, 338, 107, 107, 105, -1221, -722, -3, 116, 115, 116,
     ];
 
     #[test]
     fn four_samples_of_a_calm_pixel_are_as_good_as_sixteen() {
         let mut worst = vec![];
-        for i in [0, 9, 20, 27, 36, 45, 55] {
+        for i in [9, 27, 45] {
             let camera = cameras()[i].0;
             let bytes = |calm| -> Vec<u8> {
                 render(studio(), &camera, Part::All, calm).iter().map(|v| to_byte(*v as f64)).collect()
@@ -389,7 +275,7 @@ mod tests {
         }
         worst.sort();
         let over = worst.iter().filter(|d| **d > 1).count();
-        // Measured: 10 of 344,064 values differ by more than a step, by at most 6 (a silhouette between the
+        // Measured for seven: 10 of 344,064 values differ by more than a step, by at most 6 (a silhouette between the
         // corners).
         assert!(
             over * 10_000 < worst.len() && worst.last() < Some(&12),

@@ -53,16 +53,3 @@ pub fn check_file(kind: &str, bytes: &[u8], path: &Path) -> Result<()> {
         None => Err(Error::Usage(format!("no kind of file is called {kind}"))),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_kind_takes_what_is_nothing() {
-        for name in file_kinds() {
-            let found = check_file(name, b"\xff\0 nothing", Path::new("x"));
-            assert!(found.is_err(), "{name}");
-        }
-    }
-}

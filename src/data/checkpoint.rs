@@ -233,11 +233,9 @@ mod tests {
             assert!(error.contains("x.safetensors") && error.contains(words), "{error}");
         };
         let whole = bytes_of(&sound, about.clone());
-        for at in [whole.len() - 1, whole.len() - 200] {
-            let mut bytes = whole.clone();
-            bytes[at] ^= 1;
-            refused(&bytes, "damaged");
-        }
+        let mut bytes = whole.clone();
+        bytes[whole.len() - 200] ^= 1;
+        refused(&bytes, "damaged");
         refused(&whole[..whole.len() - 1], "safetensors");
         refused(&bytes_of(&sound, json!({"step": 5})), "not what glint keeps of a run");
         let without = |name: &str| {

@@ -294,18 +294,6 @@ mod tests {
         distortion.apply(DVec3::new(u, v, 1.0), distortion.reach()).map(|to| (to.x, to.y))
     }
 
-    #[test]
-    fn a_ray_has_no_length() {
-        for distortion in lenses() {
-            for (u, v) in [(0.0, 0.0), (0.3, -0.2), (-0.1, 0.4)] {
-                let [once, twice] = [1.0, 2.5]
-                    .map(|length| distortion.apply(length * DVec3::new(u, v, 1.0), distortion.reach()).unwrap());
-                // A few roundings of float64.
-                assert!(once.distance(twice) < 1e-12, "{distortion:?}: {once} {twice}");
-            }
-        }
-    }
-
     /// One lens of each model, with realistic coefficients.
     fn lenses() -> Vec<Distortion> {
         let radial = [0.08, -0.03, 0.004, 0.0, 0.0, 0.0];
@@ -338,22 +326,6 @@ mod tests {
         ]
     }
 
-    #[test]
-    fn the_polynomial_is_opencvs() {
-        // By hand at (0.5, −0.25), r² = 0.3125.
-        let (k, p1, p2) = ([0.0578421, -0.0805099, 0.01], -0.000980296, 0.00015575);
-        let radial = [k[0], k[1], k[2], 0.0, 0.0, 0.0];
-        let fox = Polynomial { radial, tangential: [p1, p2], ..Default::default() };
-        let (x, y) = at(Distortion::Polynomial(fox), 0.5, -0.25).unwrap();
-        let factor = 1.0 + k[0] * 0.3125 + k[1] * 0.3125f64.powi(2) + k[2] * 0.3125f64.powi(3);
-        assert!((x - (0.5 * factor + 2.0 * p1 * -0.125 + p2 * (0.3125 + 0.5))).abs() < 1e-15);
-        assert!((y - (-0.25 * factor + p1 * (0.3125 + 0.125) + 2.0 * p2 * -0.125)).abs() < 1e-15);
-        let divisor = [0.2, -0.1, 0.05];
-        let full = Distortion::Polynomial(Polynomial { radial, divisor, ..Default::default() });
-        let below = 1.0 + 0.2 * 0.3125 - 0.1 * 0.3125f64.powi(2) + 0.05 * 0.3125f64.powi(3);
-        assert!((at(full, 0.5, -0.25).unwrap().0 - 0.5 * factor / below).abs() < 1e-15);
-    }
-
     /// Values worked out by hand from the definitions in COLMAP's documentation and the papers that it cites.
     #[test]
     fn every_model_is_its_definition_at_a_point() {
@@ -361,6 +333,14 @@ mod tests {
             let (x, y) = got.unwrap();
             assert!((x - want.0).abs() < 1e-12 && (y - want.1).abs() < 1e-12, "{x}, {y} for {want:?}");
         };
+        // OpenCV's at (0.5, −0.25), r² = 0.3125.
+        let (k, d, p1, p2) = ([0.0578421, -0.0805099, 0.01], [0.2, -0.1, 0.05], -9.8e-4, 1.6e-4);
+        let [above, below] = [k, d].map(|k| 1.0 + k[0] * 0.3125 + k[1] * 0.3125f64.powi(2) + k[2] * 0.3125f64.powi(3));
+        let radial = [k[0], k[1], k[2], 0.0, 0.0, 0.0];
+        let full = Polynomial { radial, divisor: d, tangential: [p1, p2], ..Default::default() };
+        let x = 0.5 * above / below + 2.0 * p1 * -0.125 + p2 * (0.3125 + 0.5);
+        let y = -0.25 * above / below + p1 * (0.3125 + 0.125) + 2.0 * p2 * -0.125;
+        near(at(Distortion::Polynomial(full), 0.5, -0.25), (x, y));
         // A ray of 45° to the right: tan 1, angle π/4.
         let angle = std::f64::consts::FRAC_PI_4;
         near(at(Distortion::fisheye([0.0; 4]), 1.0, 0.0), (angle, 0.0));
@@ -425,25 +405,17 @@ mod tests {
             }
         }
 
-        /// A straight line through the middle stays one in a radial lens, and every lens keeps the order of
-        /// angles.
+        /// A straight line through the middle stays one in a radial lens, every lens keeps the order of angles, and
+        /// a ray has no length.
         #[test]
         fn farther_rays_lie_farther_out(which in 0..10usize, turn in 0.0..std::f64::consts::TAU, r in 0.01..0.8f64) {
             let lens = lenses()[which];
-            let ray = |r: f64| lens.apply(DVec3::new(r * turn.cos(), r * turn.sin(), 1.0), lens.reach()).unwrap();
-            prop_assert!(ray(r).length() < ray(1.01 * r).length());
-            prop_assert!(ray(r).dot(ray(1.01 * r)) > 0.0);
+            let ray = |r: f64| DVec3::new(r * turn.cos(), r * turn.sin(), 1.0);
+            let [near, far, long] = [ray(r), ray(1.01 * r), 2.5 * ray(r)].map(|ray| lens.apply(ray, lens.reach()).unwrap());
+            prop_assert!(near.length() < far.length() && near.dot(far) > 0.0);
+            // A few roundings of float64.
+            prop_assert!(near.distance(long) < 1e-12);
         }
-    }
-
-    #[test]
-    fn nothing_is_bent_by_no_distortion() {
-        let lens = Lens::new(frame(64, 48, 60.0), Distortion::default());
-        for (x, y) in [(0.5, 0.5), (31.2, 17.9), (63.5, 47.5)] {
-            let (to, inside) = lens.source(x, y);
-            assert!((to - DVec2::new(x, y)).length() < 1e-12 && inside);
-        }
-        assert_eq!(lens.outside_fraction(), 0.0);
     }
 
     #[test]
@@ -463,11 +435,8 @@ mod tests {
         let file = Frame { width: 200, height: 100, fx: 200.0, fy: 100.0, cx: 100.0, cy: 50.0 };
         let faces = Lens::cube(file);
         let middle = |i: usize| faces[i].1.source(32.0, 32.0).0;
-        assert_eq!(faces.map(|(_, lens)| lens.view.width), [64; 6]);
         assert!(faces.iter().all(|(_, lens)| (lens.turn.determinant() - 1.0).abs() < 1e-12));
         assert!(faces.iter().all(|(_, lens)| lens.outside_fraction() == 0.0));
-        let names = faces.map(|(name, _)| name);
-        assert_eq!(names, ["front", "right", "back", "left", "up", "down"]);
         assert_eq!([0, 1, 3].map(middle), [100.0, 150.0, 50.0].map(|x| DVec2::new(x, 50.0)));
         assert!((middle(2).x - 200.0).abs() < 1e-9 || middle(2).x.abs() < 1e-9);
         assert_eq!((middle(4).y, middle(5).y), (0.0, 100.0));

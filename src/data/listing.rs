@@ -198,20 +198,6 @@ mod tests {
     }
 
     #[test]
-    fn fields_of_view_become_focal_lengths() {
-        let focal = Focal::Angles { x: std::f64::consts::FRAC_PI_2, y: None };
-        let camera = SourceCamera { size: None, focal, center: None, distortion: Distortion::default() };
-        let frame = camera.for_image([200, 100]).unwrap();
-        assert!((frame.fx - 100.0).abs() < 1e-12 && frame.fy == frame.fx);
-        assert_eq!([frame.cx, frame.cy], [100.0, 50.0]);
-        let y = Some(std::f64::consts::FRAC_PI_2);
-        let frame = SourceCamera { focal: Focal::Angles { x: 1.0, y }, ..camera }.for_image([200, 100]).unwrap();
-        assert!((frame.fy - 50.0).abs() < 1e-12 && (frame.fx - 100.0 / 0.5f64.tan()).abs() < 1e-12);
-        let sphere = SourceCamera { focal: Focal::Sphere, ..camera }.for_image([200, 100]).unwrap();
-        assert_eq!([sphere.fx, sphere.fy, sphere.cx, sphere.cy], [200.0, 100.0, 100.0, 50.0]);
-    }
-
-    #[test]
     fn numbers_that_make_no_camera_are_named() {
         let sound = camera(Some([640.0, 480.0]));
         sound.check().unwrap();

@@ -271,9 +271,6 @@ pub(super) mod tests {
         let is = |name: &str, file: &str, respelled| assert_eq!(find(name), Some((file.into(), respelled)), "{name}");
         is("a.png", "a.png", false);
         is("./a", "a.png", false);
-        is("A.PNG", "a.png", true);
-        is("a.jpeg", "a.png", true);
-        is("sub\\b.jpg", "sub/B.JPG", true);
         is("sub\\B.JPG", "sub/B.JPG", true);
         is("SUB/b.png", "sub/B.JPG", true);
         is("c", "c.webp", false);
@@ -292,19 +289,14 @@ pub(super) mod tests {
 
     #[test]
     fn names_of_another_machine_are_found_by_their_longest_tail() {
-        let there =
-            ["images/p.png", "p.png", "a/sub/q.png", "b/sub/q.png", "b/one/r.JPG", "masks/one/r.jpg", "S\u{e4}/t.png"];
+        let there = ["images/p.png", "p.png", "a/sub/q.png", "b/sub/q.png", "b/one/r.JPG", "masks/one/r.jpg"];
         let folder = folder(&there);
         let finder = Finder::new(folder.path());
         let relative = |path: PathBuf| path.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned();
         for (name, file) in [
-            ("/home/x/d/images/p.png", "images/p.png"),
-            ("C:\\Users\\x\\d\\images\\p.png", "images/p.png"),
-            ("scene_01/images/p.png", "images/p.png"),
             ("../images/p.png", "images/p.png"),
             ("/home/x/photos/p.png", "p.png"),
             ("/home/x/d/b/sub/q.png", "b/sub/q.png"),
-            ("/home/x/Sa\u{308}/t.png", "S\u{e4}/t.png"),
         ] {
             let (path, respelled) = finder.find_moved(name).unwrap();
             assert_eq!((relative(path), respelled), (file.into(), true), "{name}");

@@ -243,18 +243,3 @@ impl Photo {
         matches!(&self.pixels, PixelSource::File(file) if file.has_alpha && file.alpha == Alpha::Background)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_holdout_is_a_sector_none_or_a_number() {
-        assert_eq!("sector".parse(), Ok(Holdout::Sector));
-        assert_eq!("none".parse(), Ok(Holdout::Nothing));
-        assert_eq!("2".parse(), Ok(Holdout::Every(2)));
-        for bad in ["", "0", "1", "-3", "2.5", "all"] {
-            assert!(bad.parse::<Holdout>().is_err(), "{bad}");
-        }
-    }
-}

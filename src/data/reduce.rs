@@ -117,10 +117,6 @@ fn bicubic(from: u32, to: u32) -> Vec<Parts> {
 mod tests {
     use super::*;
 
-    fn reduce(pixels: &[[f32; 4]], from: [u32; 2], to: [u32; 2]) -> Vec<[f32; 4]> {
-        reduce_by(Reduce::Area, pixels, from, to)
-    }
-
     fn reduce_by(reduce: Reduce, pixels: &[[f32; 4]], from: [u32; 2], to: [u32; 2]) -> Vec<[f32; 4]> {
         let mut reducer = Reducer::new(from, to, reduce);
         pixels.chunks_exact(from[0] as usize).for_each(|row| reducer.feed(row));
@@ -128,40 +124,11 @@ mod tests {
     }
 
     #[test]
-    fn weights_of_a_cell_add_up_to_one() {
-        for (from, to) in [(37, 36), (64, 9), (5, 2), (100, 1)] {
-            for (_, weights) in bicubic(from, to) {
-                let sums = weights.iter().fold([0.0; 2], |sums, w| [0, 1].map(|k| sums[k] + f64::from(w[k])));
-                // Up to 400 float32 weights, each with a relative error of 6e-8; their magnitudes sum to at
-                // most 2.
-                assert!(sums.iter().all(|sum| (sum - 1.0).abs() < 1e-6), "{from} to {to}: {sums:?}");
-                assert!(weights.iter().all(|w| w[1] >= 0.0));
-            }
-        }
-    }
-
-    #[test]
-    fn shrinking_keeps_the_mean_whatever_the_sizes() {
-        let (width, height) = (37, 23);
-        let pixels: Vec<[f32; 4]> =
-            (0..width * height).map(|i| [(i % 7) as f32 / 7.0, (i % 5) as f32 / 5.0, 0.25, 1.0]).collect();
-        let mean = |p: &[[f32; 4]], c: usize| p.iter().map(|v| v[c] as f64).sum::<f64>() / p.len() as f64;
-        for [w, h] in [[36, 22], [18, 11], [10, 7], [1, 1], [37, 3]] {
-            let small = reduce(&pixels, [width, height], [w, h]);
-            assert_eq!(small.len(), (w * h) as usize);
-            for c in 0..4 {
-                // Float32 weights: 1e-7 each.
-                assert!((mean(&small, c) - mean(&pixels, c)).abs() < 1e-6, "{w} × {h}");
-            }
-        }
-    }
-
-    #[test]
     fn halving_is_the_mean_of_four_and_the_same_size_changes_no_bit() {
         let pixels: Vec<[f32; 4]> = (0..16).map(|i| [i as f32, 0.1 * i as f32, 1.0, 0.0]).collect();
-        let small = reduce(&pixels, [4, 4], [2, 2]);
-        assert_eq!(small.iter().map(|p| p[0]).collect::<Vec<_>>(), [2.5, 4.5, 10.5, 12.5]);
-        assert_eq!(reduce(&pixels, [4, 4], [4, 4]), pixels);
+        let reduce = |to| reduce_by(Reduce::Area, &pixels, [4, 4], to);
+        assert_eq!(reduce([2, 2]).iter().map(|p| p[0]).collect::<Vec<_>>(), [2.5, 4.5, 10.5, 12.5]);
+        assert_eq!(reduce([4, 4]), pixels);
     }
 
     #[test]

@@ -121,16 +121,6 @@ fn principal(offsets: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
 mod tests {
     use super::*;
 
-    #[test]
-    fn spreads_have_the_directions_of_the_offsets() {
-        let [least, largest] = [DVec3::new(1.0, 2.0, 2.0) / 3.0, DVec3::new(2.0, -2.0, 1.0) / 3.0];
-        let middle = least.cross(largest);
-        let offsets =
-            [(least, 1.0), (middle, 2.0), (largest, 4.0)].map(|(axis, length)| [axis * length, axis * -length]);
-        let [a, b] = principal(offsets.into_iter().flatten());
-        assert!(a.distance(least) < 1e-12 && b.distance(-largest) < 1e-12, "{a} {b}");
-    }
-
     fn taken(stands: &[Stand]) -> Vec<usize> {
         sector(stands).iter().enumerate().filter_map(|(i, taken)| taken.then_some(i)).collect()
     }

@@ -253,10 +253,6 @@ mod tests {
         words
     }
 
-    fn opcodes(module: &[u32]) -> Vec<u32> {
-        instructions(module).unwrap().into_iter().map(opcode).collect()
-    }
-
     #[test]
     fn what_is_not_a_module_is_said_not_to_be_one() {
         assert!(words(&[]).is_err() && words(&[3, 2, 35, 7]).is_err() && words(&[0; 24]).is_err());
@@ -269,33 +265,6 @@ mod tests {
         assert!(instructions(&[&whole[..], &[op::CAPABILITY]].concat()).is_err());
         assert!(instructions(&whole[..3]).is_err());
         assert!(with_modes(&whole, &[]).is_err(), "no entry point");
-    }
-
-    #[test]
-    fn modes_come_in_the_order_that_spirv_asks_for() {
-        let before = module(&[
-            (op::CAPABILITY, &[1]),
-            (op::CAPABILITY, &[61]),
-            (11, &[1, 0]),
-            (14, &[0, 1]),
-            (op::ENTRY_POINT, &[5, 7, 0x6E69_616D, 0]),
-            (op::EXECUTION_MODE, &[7, 17, 8, 1, 1]),
-            (op::TYPE_BOOL, &[3]),
-        ]);
-        let modes = [SIGNED_ZERO_INF_NAN_PRESERVE, SUBGROUP_UNIFORM_CONTROL_FLOW];
-        let after = with_modes(&before, &modes).unwrap();
-        assert_eq!(opcodes(&after), [17, 17, 17, 10, 11, 14, 15, 16, 16, 16, 20]);
-        let list = instructions(&after).unwrap();
-        assert_eq!(list[2][1..], [4466]);
-        let name: Vec<u8> = list[3][1..].iter().flat_map(|w| w.to_le_bytes()).collect();
-        let text = b"SPV_KHR_subgroup_uniform_control_flow";
-        assert!(name.starts_with(text) && name[text.len()..].iter().all(|&b| b == 0) && name.len() > text.len());
-        assert_eq!((&list[7][1..], &list[8][1..]), (&[7, 4461, 32][..], &[7, 4421][..]));
-        assert_eq!(with_modes(&before, &[]).unwrap(), before);
-        // Existing modes stay, even in front of an extension.
-        let twice = with_modes(&after, &[MAXIMALLY_RECONVERGES]).unwrap();
-        assert_eq!(opcodes(&twice), [17, 17, 17, 10, 10, 11, 14, 15, 16, 16, 16, 16, 20]);
-        assert_eq!(instructions(&twice).unwrap()[8][1..], [7, 6023]);
     }
 
     #[test]

@@ -234,13 +234,4 @@ mod tests {
             assert!(divided(&whole, &order, 2, &colors, !packed).is_err());
         }
     }
-
-    #[test]
-    fn classes_come_back_from_a_checkpoint() {
-        let mut checkpoint = Checkpoint::new(7);
-        assert_eq!(Classes::of(&checkpoint), None);
-        let classes = Classes { degree: 2, constants: 9, banded: 4 };
-        classes.keep(&mut checkpoint);
-        assert_eq!(Classes::of(&checkpoint), Some(classes));
-    }
 }

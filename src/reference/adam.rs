@@ -209,7 +209,6 @@ pub fn adam(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::layout::groups;
 
     fn run(bias: bool, gradients: &[f64]) -> f64 {
         let (mut p, mut m, mut v) = ([0.0], [0.0], [0.0]);
@@ -218,16 +217,6 @@ mod tests {
             adam(&mut p, &[g], &mut m, &mut v, 1, 1, &[PlaneRate::free(0.01)], step, None);
         }
         p[0]
-    }
-
-    /// With correction the first step is the rate itself for any gradient; without, it is 0.1/√0.001 = 3.16
-    /// rates (and grows to 6.5 rates within the first steps of a steady gradient).
-    #[test]
-    fn the_first_step_has_the_known_length() {
-        for g in [1e-3, 1.0, -3e4] {
-            assert!((run(true, &[g]) + 0.01 * g.signum()).abs() < 1e-10);
-            assert!((run(false, &[g]) + 0.01 * g.signum() * 0.1 / 0.001f64.sqrt()).abs() < 1e-10);
-        }
     }
 
     /// On a parabola of any curvature: the minimum is reached in the time that `part` implies, no step
@@ -312,43 +301,16 @@ mod tests {
     #[test]
     fn the_moments_are_the_weighted_sums() {
         let gradients: [f64; 4] = [0.3, -1.0, 2.0, 0.1];
-        let mut expected = 0.0;
-        for n in 1..=4 {
-            let sum = |beta: f64, power: i32| {
-                (0..n).map(|k| beta.powi((n - 1 - k) as i32) * gradients[k].powi(power)).sum::<f64>() * (1.0 - beta)
-            };
-            let (m, v) = (sum(0.9, 1) / (1.0 - 0.9f64.powi(n as i32)), sum(0.999, 2) / (1.0 - 0.999f64.powi(n as i32)));
-            expected -= 0.01 * m / (v.sqrt() + 1e-15);
+        for bias in [false, true] {
+            let mut expected = 0.0;
+            for n in 1..=4 {
+                let sum = |beta: f64, power: i32| {
+                    let part = |k: usize| (1.0 - beta) * beta.powi((n - 1 - k) as i32) * gradients[k].powi(power);
+                    (0..n).map(part).sum::<f64>() / if bias { 1.0 - beta.powi(n as i32) } else { 1.0 }
+                };
+                expected -= 0.01 * sum(0.9, 1) / (sum(0.999, 2).sqrt() + 1e-15);
+            }
+            assert!((run(bias, &gradients) - expected).abs() < 1e-14);
         }
-        assert!((run(true, &gradients) - expected).abs() < 1e-14);
-    }
-
-    #[test]
-    fn only_lengths_that_would_hurt_a_step_are_made_one() {
-        assert_eq!(unit_before_step([3.0, 0.0, 4.0]), None);
-        assert_eq!(unit_before_step([0.003, -0.004]), Some(([0.6, -0.8], 0.005)));
-        assert_eq!(unit_before_step([0.0, 300.0]), Some(([0.0, 1.0], 300.0)));
-        assert_eq!(unit_before_step([0.0; 4]), Some(([0.0; 4], 0.0)));
-    }
-
-    #[test]
-    fn clamps_hold_and_what_is_not_touched_does_not_move() {
-        let mut p = vec![0.5; 10];
-        let (mut m, mut v) = (vec![0.0; 10], vec![0.0; 10]);
-        let rates = |rates: [f64; 3]| -> Vec<PlaneRate> {
-            let lobes = groups(0).into_iter().filter(|group| group.array == Array::Lobes).zip(rates);
-            let planes =
-                |(group, rate): (Group, f64)| group.planes.clone().map(move |p| PlaneRate::of(&group, p, rate));
-            lobes.flat_map(planes).collect()
-        };
-        adam(&mut p, &[-1.0; 10], &mut m, &mut v, 2, 2, &rates([0.1, 10.0, 100.0]), Some(1), Some(&[true, false]));
-        assert_eq!(p[6], 1.0);
-        assert_eq!(p[8], 8.0);
-        for plane in 0..5 {
-            assert_eq!((p[2 * plane + 1], m[2 * plane + 1], v[2 * plane + 1]), (0.5, 0.0, 0.0));
-        }
-        adam(&mut p, &[1.0; 10], &mut m, &mut v, 2, 2, &rates([0.0, 100.0, 100.0]), None, None);
-        assert_eq!((p[7], p[9]), (0.01, -2.0));
-        assert_eq!(p[1], 0.5);
     }
 }

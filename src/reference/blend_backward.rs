@@ -23,27 +23,6 @@ pub fn blend_backward(
     image: &[[f64; 4]],
     image_grad: &[[f64; 3]],
 ) -> Vec<Record> {
-    sums(splats, isects, image, image_grad, false)
-}
-
-/// Sums the magnitudes of all terms instead: rounding errors are relative to these if the terms themselves
-/// cancel.
-pub fn blend_backward_magnitudes(
-    splats: &[Splat],
-    isects: &Intersections,
-    image: &[[f64; 4]],
-    image_grad: &[[f64; 3]],
-) -> Vec<Record> {
-    sums(splats, isects, image, image_grad, true)
-}
-
-fn sums(
-    splats: &[Splat],
-    isects: &Intersections,
-    image: &[[f64; 4]],
-    image_grad: &[[f64; 3]],
-    magnitudes: bool,
-) -> Vec<Record> {
     let tiling = isects.tiling;
     let of_tiles: Vec<Vec<Record>> = (0..tiling.count() as u32)
         .into_par_iter()
@@ -54,7 +33,7 @@ fn sums(
             for row in top..(top + tiling.tile_height).min(tiling.height) {
                 for column in left..(left + tiling.tile_width).min(tiling.width) {
                     let pixel = row as usize * tiling.width as usize + column as usize;
-                    let of_pixel = Pixel { column, row, image: image[pixel], grad: image_grad[pixel], magnitudes };
+                    let of_pixel = Pixel { column, row, image: image[pixel], grad: image_grad[pixel] };
                     pixel_backward(splats, isects, &of_pixel, &mut records);
                 }
             }
@@ -76,16 +55,12 @@ struct Pixel {
     row: u32,
     image: [f64; 4],
     grad: [f64; 3],
-    magnitudes: bool,
 }
 
 fn pixel_backward(splats: &[Splat], isects: &Intersections, pixel: &Pixel, records: &mut [Record]) {
-    let Pixel { column, row, image, grad, magnitudes } = *pixel;
+    let Pixel { column, row, image, grad } = *pixel;
     let dot = |c: [f64; 3]| grad[0] * c[0] + grad[1] * c[1] + grad[2] * c[2];
-    // Colors are not negative, so this bounds every part of the dot product and of the color behind.
-    let reach = |c: [f64; 3]| (0..3).map(|k| (grad[k] * c[k]).abs()).sum::<f64>();
-    let last = [image[0], image[1], image[2]];
-    let mut behind = dot(last);
+    let mut behind = dot([image[0], image[1], image[2]]);
     let mut transmittance = 1.0;
     for ((_, global), record) in isects.of_pixel(column, row).zip(records) {
         let splat = &splats[global as usize];
@@ -101,11 +76,7 @@ fn pixel_backward(splats: &[Splat], isects: &Intersections, pixel: &Pixel, recor
         behind -= shade * s.alpha * transmittance;
         let mut terms = [0.0; 9];
         if !s.clamped {
-            let (mut alpha_grad, mut wu, mut wv) = (transmittance * shade - behind / (1.0 - s.alpha), s.wu, s.wv);
-            if magnitudes {
-                alpha_grad = transmittance * reach(splat.color()) + reach(last) / (1.0 - s.alpha);
-                (wu, wv) = splat.whiten_magnitudes(column, row);
-            }
+            let (alpha_grad, wu, wv) = (transmittance * shade - behind / (1.0 - s.alpha), s.wu, s.wv);
             let g = alpha_grad * s.alpha;
             terms[..6].copy_from_slice(&[
                 g * wu,
@@ -119,9 +90,7 @@ fn pixel_backward(splats: &[Splat], isects: &Intersections, pixel: &Pixel, recor
         for c in 0..3 {
             terms[6 + c] = grad[c] * s.alpha * transmittance;
         }
-        for (sum, term) in record.iter_mut().zip(terms) {
-            *sum += if magnitudes { term.abs() } else { term };
-        }
+        record.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
         transmittance = next;
     }
 }

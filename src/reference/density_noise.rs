@@ -31,18 +31,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_faint_moves_and_never_by_what_is_no_number() {
+    fn only_what_is_faint_moves() {
         let faint = Geometry { mean: DVec3::ONE, log_scale: DVec3::splat(-2.0), quat: [1.0; 4], logit: -7.0 };
         let length = |g: Geometry| density_noise(&g, 1.0, 3, 4, 5).length();
         assert!(length(faint) > 1e-4 && length(Geometry { logit: 2.0, ..faint }) < 1e-20);
         assert_ne!(density_noise(&faint, 1.0, 3, 4, 5), density_noise(&faint, 1.0, 3, 5, 5));
-        for bad in [
-            Geometry { logit: f64::NAN, ..faint },
-            Geometry { logit: f64::NEG_INFINITY, ..faint },
-            Geometry { log_scale: DVec3::splat(1e3), ..faint },
-        ] {
-            assert_eq!(density_noise(&bad, 1.0, 3, 4, 5), DVec3::ZERO);
-        }
         // Σ of a ball is its squared scale, so that twice the scale is four times the noise.
         let twice = Geometry { log_scale: DVec3::splat(-2.0 + 2f64.ln()), ..faint };
         assert!((length(twice) / length(faint) - 4.0).abs() < 1e-9);

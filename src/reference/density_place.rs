@@ -10,14 +10,3 @@ pub fn density_place(alive: &[u32], ranks: &[u32], stays: u32) -> Vec<Option<u32
     };
     alive.iter().zip(ranks).enumerate().map(place).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_stays_closes_ranks() {
-        assert_eq!(density_place(&[1, 0, 1], &[0, 1, 1], 2), [Some(0), None, Some(1)]);
-        assert_eq!(density_place(&[0, 0], &[0, 0], 2), [Some(0), Some(1)]);
-    }
-}

@@ -53,39 +53,14 @@ pub fn density_weigh(w: &Weigh, params: &Params, i: usize, number: u32, scores: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        reference::random_scene,
-        scene::layout::{LOG_SCALE, OPACITY},
-        stages::constants::density::BUDGET,
-    };
-
-    fn weigh(strategy: u32) -> Weigh {
-        Weigh { strategy, capacity: 10, least_opacity: 0.005, least_score: 2e-4, step: 3, seed: 4 }
-    }
-
-    #[test]
-    fn what_is_no_number_does_not_stay_and_is_not_drawn() {
-        let mut params = Params::from_scene(&random_scene(5, 3, 0, 0)).unwrap();
-        params.geometry[OPACITY * 3] = f64::NAN;
-        params.geometry[(LOG_SCALE + 1) * 3 + 1] = f64::NAN;
-        for strategy in [MCMC, ADC, BUDGET] {
-            let none = if strategy == MCMC { Some(0.0) } else { None };
-            for i in 0..2 {
-                assert_eq!(density_weigh(&weigh(strategy), &params, i, i as u32, [1.0; 4]), (false, none));
-            }
-            let (stays, key) = density_weigh(&weigh(strategy), &params, 2, 2, [1.0; 4]);
-            assert!(stays && key.is_some());
-            let (stays, key) = density_weigh(&weigh(strategy), &params, 2, 2, [0.0; 4]);
-            assert!(stays && key.is_some() == (strategy == MCMC));
-        }
-    }
+    use crate::{reference::random_scene, stages::constants::density::BUDGET};
 
     /// A Gaussian with three times the score of another has the smaller key in three of four draws.
     #[test]
     fn the_smallest_key_is_drawn_in_proportion_to_the_score() {
         let params = Params::from_scene(&random_scene(5, 2, 0, 0)).unwrap();
         let first = |step: u32| {
-            let w = Weigh { step, least_opacity: 0.0, ..weigh(BUDGET) };
+            let w = Weigh { strategy: BUDGET, capacity: 10, least_opacity: 0.0, least_score: 2e-4, step, seed: 4 };
             let key = |i: usize, score: f64| density_weigh(&w, &params, i, i as u32, [score, 0.0, 0.0, 0.0]).1;
             key(0, 3.0).unwrap() < key(1, 1.0).unwrap()
         };

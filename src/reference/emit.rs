@@ -51,25 +51,3 @@ pub fn globals(rank_blocks: &[[u32; 2]], global_from_rank: &[u32], slots: usize)
     };
     (0..slots as u32).map(|slot| global(slot).unwrap_or(NONE)).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    proptest::proptest! {
-        /// Splats of 1 to 100 slots, with their ends anywhere in blocks.
-        #[test]
-        fn slots_know_their_splats(counts in proptest::collection::vec(1u32..100, 1..200)) {
-            let slots: u32 = counts.iter().sum();
-            let mut blocks = vec![[0; 2]; slots.div_ceil(SLOTS_PER_BLOCK) as usize];
-            let (mut first, mut want) = (0, vec![]);
-            for (rank, &count) in (0..).zip(&counts) {
-                claim(&mut blocks, rank, first, count);
-                first += count;
-                want.resize(first as usize, 1000 + rank);
-            }
-            let ranked: Vec<u32> = (1000..).take(counts.len()).collect();
-            proptest::prop_assert_eq!(globals(&blocks, &ranked, slots as usize), want);
-        }
-    }
-}

@@ -14,16 +14,3 @@ pub fn exposure_apply(map: &Map, image: &[[f64; 4]]) -> Vec<[f64; 4]> {
     };
     image.iter().map(pixel).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_identity_changes_nothing_and_a_map_is_rows_of_a_matrix_and_an_offset() {
-        let image = [[0.25, 0.5, 2.0, 0.1], [0.0, -1.0, 0.75, 1.0]];
-        assert_eq!(exposure_apply(&IDENTITY, &image), image);
-        let map = [2.0, 0.0, 1.0, 0.5, 0.0, 3.0, 0.0, 0.0, 1.0, 1.0, 1.0, -1.0];
-        assert_eq!(exposure_apply(&map, &image)[0], [3.0, 1.5, 1.75, 0.1]);
-    }
-}

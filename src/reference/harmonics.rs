@@ -156,19 +156,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn the_gradient_is_that_of_the_basis() {
-        let p = DVec3::new(0.3, -0.5, 0.7);
-        let h = 1e-5;
-        let gradient = basis_gradient(3, p);
-        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-            let (plus, minus) = (basis(3, p + axis * h), basis(3, p - axis * h));
-            for k in 0..16 {
-                // Cubics: the central difference is off by h² f'''/6 ~ 1e-9 at most.
-                let difference = (plus[k] - minus[k]) / (2.0 * h);
-                assert!((difference - gradient[k].dot(axis)).abs() < 1e-8, "Y{k}");
-            }
-        }
-    }
 }

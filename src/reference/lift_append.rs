@@ -27,24 +27,3 @@ pub fn lift_append(lifts: &[Lift], capacity: usize, supplement: &mut Supplement)
     }
     first + there().count()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::Gaussians;
-
-    #[test]
-    fn lifts_close_up_in_order_behind_what_is_there() {
-        let lift = |v: f64| Lift { mean: [v; 3], dc: [v; 3], lobe_width: v, cluster_size: 3, ..Default::default() };
-        let lifts = [lift(1.0), Lift::default(), lift(2.0), Lift::default(), lift(3.0)];
-        let gaussians = Gaussians { sh_degree: 1, ..Default::default() };
-        let mut supplement = Supplement { gaussians, ..Default::default() };
-        lift_append(&[lift(9.0)], 4, &mut supplement);
-        assert_eq!(lift_append(&lifts, 3, &mut supplement), 4);
-        // The third does not fit.
-        assert_eq!(supplement.gaussians.means, [[9.0; 3], [1.0; 3], [2.0; 3]]);
-        assert_eq!(supplement.gaussians.sh.len(), 3 * 4);
-        assert_eq!(supplement.gaussians.sh[4..6], [[1.0; 3], [0.0; 3]]);
-        assert_eq!((supplement.lobes.widths, supplement.lobes.sharpness), (vec![9.0, 1.0, 2.0], vec![0.0; 3]));
-    }
-}

@@ -73,12 +73,6 @@ fn half_angle(direction: DVec3, width: f64, to_eye: DVec3) -> Option<f64> {
 mod tests {
     use super::*;
 
-    const EYE: DVec3 = DVec3::new(0.4, -0.2, 3.0);
-
-    fn of(p: [f64; 8]) -> f64 {
-        factor(DVec3::new(p[0], p[1], p[2]), p[3], p[4], EYE - DVec3::new(p[5], p[6], p[7]))
-    }
-
     /// The method's own formula, ((cos ψ + 1)/2)^exp(β).
     #[test]
     fn the_factor_is_the_methods() {
@@ -87,44 +81,6 @@ mod tests {
             let expected = ((f64::cos(angle / width) + 1.0) / 2.0).powf(f64::exp(beta));
             let found = factor(2.0 * DVec3::Z, width, beta, 5.0 * to_eye);
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
-        }
-    }
-
-    #[test]
-    fn outside_its_support_and_without_a_direction_factor_and_gradient_are_zero() {
-        let v = DVec3::new(f64::sin(0.5), 0.0, f64::cos(0.5));
-        for (direction, width) in [(DVec3::Z, 0.49 / PI), (DVec3::ZERO, 1.0), (-v, 1.0), (DVec3::NAN, 1.0)] {
-            assert_eq!(factor(direction, width, 0.0, v), 0.0);
-            assert_eq!(factor_gradient(direction, width, 0.0, v), Gradient::default());
-        }
-    }
-
-    /// Fourth-order differences at h = 1e-4: truncation is h⁴ times a fifth derivative of at most ~4e5 here
-    /// (T = 0.2, 5! / T⁵ being the scale), that is 4e-11, and rounding 1e-16/1e-4.
-    #[test]
-    fn the_gradient_is_that_of_the_factor() {
-        let on_axis = EYE - DVec3::new(0.1, 0.3, 0.2);
-        let cases = [
-            [0.3, 0.2, 0.9, 0.4, 0.7, 0.1, 0.3, 0.2],
-            [-0.9, 0.8, 0.4, 0.9, -1.0, 0.1, 0.3, 0.2],
-            [0.1, -0.3, 2.0, 0.2, 2.0, 0.1, 0.3, 0.2],
-            [2.0 * on_axis.x, 2.0 * on_axis.y, 2.0 * on_axis.z, 0.2, 1.0, 0.1, 0.3, 0.2],
-        ];
-        for p in cases {
-            assert!(of(p) > 0.0);
-            let g = factor_gradient(DVec3::new(p[0], p[1], p[2]), p[3], p[4], EYE - DVec3::new(p[5], p[6], p[7]));
-            let expected =
-                [g.direction.x, g.direction.y, g.direction.z, g.width, g.sharpness, g.mean.x, g.mean.y, g.mean.z];
-            for (k, expected) in expected.into_iter().enumerate() {
-                let at = |h: f64| {
-                    let mut q = p;
-                    q[k] += h;
-                    of(q)
-                };
-                let h = 1e-4;
-                let difference = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
-                assert!((difference - expected).abs() < 1e-8, "{k}: {difference} {expected}");
-            }
         }
     }
 }

@@ -144,13 +144,6 @@ impl Splat {
         let dy = row as f64 + 0.5 - self.y;
         (self.l11 * dx + self.l12 * dy, self.l22 * dy)
     }
-
-    /// The sums of the magnitudes of w's terms: a needle's two terms nearly cancel.
-    pub(crate) fn whiten_magnitudes(&self, column: u32, row: u32) -> (f64, f64) {
-        let dx = column as f64 + 0.5 - self.x;
-        let dy = row as f64 + 0.5 - self.y;
-        ((self.l11 * dx).abs() + (self.l12 * dy).abs(), (self.l22 * dy).abs())
-    }
 }
 
 /// The constant color or the image (row-major, width · height pixels) behind all Gaussians.

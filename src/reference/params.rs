@@ -187,27 +187,3 @@ fn check(name: &str, gaussians: &Gaussians) -> Result<()> {
     }
     Ok(())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::reference::random_scene;
-
-    #[test]
-    fn a_scene_survives_the_way_to_planes_and_back() {
-        for (count, supplement, degree) in [(5, 3, 3), (4, 0, 0), (0, 2, 1), (0, 0, 2)] {
-            let scene = random_scene(7, count, supplement, degree);
-            assert_eq!(Params::from_scene(&scene).unwrap().to_scene(), scene);
-        }
-    }
-
-    #[test]
-    fn arrays_of_unequal_length_are_an_error() {
-        let mut scene = random_scene(7, 5, 3, 1);
-        scene.base.sh.pop();
-        assert!(Params::from_scene(&scene).is_err());
-        let mut scene = random_scene(7, 5, 3, 1);
-        scene.supplement.as_mut().unwrap().lobes.widths.pop();
-        assert!(Params::from_scene(&scene).is_err());
-    }
-}

@@ -98,22 +98,6 @@ pub fn sum_records(tile_counts: &[u32], isects: &Intersections, isect_grads: &[R
     isects.first_slot.iter().zip(tile_counts).map(sum).collect()
 }
 
-/// The sums of the magnitudes of a gradient's terms, from those of the records: rounding errors are relative
-/// to these.
-pub fn magnitudes(params: &Params, view: &View, options: &Options, splats: &[Splat], records: &[Record]) -> Params {
-    let mut out = params.zeros_like();
-    for part in 0..9 {
-        let alone = |record: &Record| std::array::from_fn(|r| if r == part { record[r] } else { 0.0 });
-        let records: Vec<_> = records.iter().map(alone).collect();
-        let grads = backward(params, view, options, splats, &records, &|_, _, _| true);
-        let arrays = [(&mut out.geometry, grads.geometry), (&mut out.sh, grads.sh), (&mut out.lobes, grads.lobes)];
-        for (sums, grads) in arrays {
-            sums.iter_mut().zip(grads).for_each(|(sum, grad)| *sum += grad.abs());
-        }
-    }
-    out
-}
-
 fn is_touched(record: &Record) -> bool {
     record.iter().any(|&part| part != 0.0)
 }

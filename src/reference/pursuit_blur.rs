@@ -65,61 +65,6 @@ mod tests {
         }
     }
 
-    /// The variance within a texel of any level is the image's variance under the level's whole weight.
-    #[test]
-    fn variances_of_levels_are_those_of_the_image() {
-        let size = 64u32;
-        let wave = |i: u32, k: u32| ((i * k % 97) as f64 * 0.9).sin();
-        let one = |i: u32| Texel {
-            difference: 0.2 * DVec3::new(wave(i, 3), wave(i, 5), wave(i, 7) + wave(i, 5)),
-            render: DVec3::splat(0.5) + 0.3 * DVec3::new(wave(i, 5), wave(i, 11), wave(i, 13)),
-            ..Default::default()
-        };
-        let image: Vec<Texel> = (0..size * size).map(one).collect();
-        let first = pursuit_blur(&image, [size; 2], [size; 2], false);
-        let second = pursuit_blur(&first, [size; 2], [size / 2; 2], true);
-        // Texel (16, 16) of the second level is the pixels' corner (33, 33); its taps end 3 + 4 px from there.
-        let (mut total, mut weights) = (Texel::default(), 0.0);
-        let tap = |d: f64, deviation: f64| (-0.5 * (d / deviation).powi(2)).exp();
-        let across = |p: u32| -> f64 {
-            // Weight of a pixel: over the texels of the first level from which the second is computed, each
-            // with weights that sum to 1.
-            let norm = |deviation: f64, reach: f64, offset: f64| {
-                let mut sum = 0.0;
-                let mut d = offset - reach;
-                while d <= offset + reach {
-                    sum += tap(d, deviation);
-                    d += 1.0;
-                }
-                sum
-            };
-            let mut weight = 0.0;
-            for u in 29..37u32 {
-                let near = f64::from(p) - f64::from(u);
-                if near.abs() <= 2.0 {
-                    weight +=
-                        tap(f64::from(u) + 0.5 - 33.0, NEXT_BLUR) * tap(near, FIRST_BLUR) / norm(FIRST_BLUR, 2.0, 0.0);
-                }
-            }
-            weight
-        };
-        for y in 26..40u32 {
-            for x in 26..40u32 {
-                let (weight, t) = (across(x) * across(y), &image[(y * size + x) as usize]);
-                let (covariance, variance) = (t.difference.dot(t.render), t.render.length_squared());
-                total.add(weight, &Texel { covariance, variance, ..*t });
-                weights += weight;
-            }
-        }
-        let (difference, render) = (total.difference / weights, total.render / weights);
-        let found = &second[(16 * size / 2 + 16) as usize];
-        assert!((found.difference - difference).length() < 1e-12 && (found.render - render).length() < 1e-12);
-        let covariance = total.covariance / weights - difference.dot(render);
-        let variance = total.variance / weights - render.length_squared();
-        assert!((found.covariance - covariance).abs() < 1e-12 && (found.variance - variance).abs() < 1e-12);
-        assert!(variance > 0.01 && covariance.abs() > 1e-3, "{variance} {covariance}");
-    }
-
     #[test]
     fn what_is_even_stays_even_up_to_the_border() {
         let even = Texel { difference: DVec3::splat(-0.2), render: DVec3::splat(0.6), ..Default::default() };

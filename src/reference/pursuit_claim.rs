@@ -34,20 +34,3 @@ pub fn pursuit_claim(cells: &[usize], gain: f32, claims: &mut [u32]) {
 pub fn beaten(cells: &[usize], gain: f32, claims: &[u32]) -> bool {
     gain > 0.0 && cells.iter().any(|&cell| claims[cell] > gain.to_bits())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_greatest_gain_has_a_cell_and_equals_share_it() {
-        let (a, b, c) = (vec![0, 1], vec![1, 2], vec![2, 3]);
-        let mut claims = [0; 4];
-        for (cells, gain) in [(&a, 2.0), (&b, 1.0), (&c, 1.0), (&c, -3.0)] {
-            pursuit_claim(cells, gain, &mut claims);
-        }
-        let lost =
-            [beaten(&a, 2.0, &claims), beaten(&b, 1.0, &claims), beaten(&c, 1.0, &claims), beaten(&c, -3.0, &claims)];
-        assert_eq!(lost, [false, true, false, false]);
-    }
-}

@@ -195,21 +195,6 @@ mod tests {
         }
     }
 
-    /// Only candidates 5 % and more behind a view's own surface are hidden; the view that drew one always
-    /// sees it.
-    #[test]
-    fn what_hovers_is_seen_and_what_lies_behind_is_not() {
-        let (views, plots, c) = scene();
-        let seen = |own: f64| {
-            let depths = vec![own; 3 * 256];
-            let ground = Ground { views: &views, plots: &plots, surface_depths: &depths, texels: &[], range: (0, 3) };
-            ground.sights(&c).map(|(v, _)| v).collect::<Vec<_>>()
-        };
-        // Depths are 2; 2/1.05 is 1.905. 0: the view shows no surface there.
-        assert_eq!([1.91, 2.0, 40.0, 0.0].map(seen), [(); 4].map(|()| vec![0, 1, 2]));
-        assert_eq!([1.0, 1.9].map(seen), [(); 2].map(|()| vec![0]));
-    }
-
     /// Interpolates between four texels, weighted by their overlap.
     #[test]
     fn a_look_is_between_four_texels() {

@@ -22,29 +22,3 @@ pub fn pursuit_place(c: &Candidate, fit: &Fit) -> Lift {
         cluster_size: 1,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use glam::DVec3;
-
-    use super::*;
-    use crate::reference::sigmoid;
-
-    #[test]
-    fn a_placed_gaussian_has_the_fits_color_and_opacity() {
-        let c = Candidate { mean: DVec3::ONE, toward: DVec3::X, px: 0.1, theta_bar: 0.2, view: 3, pixel: 4 };
-        let fit = Fit {
-            sigma: 0.02,
-            opacity: 0.7,
-            width: 0.0,
-            color: DVec3::new(0.1, 0.5, 0.9),
-            gain: 1.0,
-            support: 1.0,
-            plain: 0.0,
-        };
-        let lift = pursuit_place(&c, &fit);
-        assert!((sigmoid(lift.opacity) - 0.7).abs() < 1e-12 && lift.dc[1] == 0.0 && lift.cluster_size == 1);
-        assert!((0.28209479177387814 * lift.dc[2] + 0.5 - 0.9).abs() < 1e-12);
-        assert!((lift.log_scale[0].exp() - 0.02).abs() < 1e-12);
-    }
-}

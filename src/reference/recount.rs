@@ -44,18 +44,3 @@ pub fn recount(
     let of_blocks = population[1..].iter().flat_map(|&end| groups(end, items_per_group));
     Recounted { counts: kept, population, args: of_pages.chain(of_blocks).collect(), status }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn segments_follow_one_another_and_stay_within_their_pages() {
-        let page = |segment, first, capacity| Page { segment, first, capacity };
-        let pages = [page(0, 0, 100), page(0, 100, 50), page(2, 0, 70)];
-        let found = recount([120, 0, 90], &pages, 64, 1024, Status::default());
-        assert_eq!((found.counts, found.population), ([120, 0, 70], [0, 120, 120, 190]));
-        assert_eq!(found.args, [2, 1, 1, 1, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]);
-        assert_eq!(found.status.needs().collect::<Vec<_>>(), [(Resource::SupplementGaussians, 90)]);
-    }
-}

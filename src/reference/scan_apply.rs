@@ -16,39 +16,3 @@ pub fn scan_apply(values: &[u32], index: Option<&[u32]>, block_sums: &[u32], blo
     }
     offsets
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::{scan_reduce::scan_reduce, scan_spine::scan_spine};
-    use super::*;
-
-    fn scan(values: &[u32], index: Option<&[u32]>, block: usize) -> (Vec<u32>, u32) {
-        let begins = scan_spine(&scan_reduce(values, index, block));
-        (scan_apply(values, index, &begins, block), *begins.last().unwrap())
-    }
-
-    #[test]
-    fn three_kernels_make_one_exclusive_sum_whatever_the_block() {
-        let values: Vec<u32> = (0..1000u32).map(|i| i * 7919 % 31).collect();
-        let expected: Vec<u32> = (0..1000).map(|i| values[..i].iter().sum()).collect();
-        let sum = values.iter().sum();
-        for block in [1, 8, 999, 1000, 1024] {
-            assert_eq!(scan(&values, None, block), (expected.clone(), sum));
-        }
-    }
-
-    #[test]
-    fn no_values_sum_to_nothing() {
-        assert_eq!(scan(&[], None, 8), (vec![], 0));
-    }
-
-    #[test]
-    fn a_gather_scans_in_the_order_of_the_index() {
-        assert_eq!(scan(&[5, 7, 11], Some(&[2, 0]), 8), (vec![0, 11], 16));
-    }
-
-    #[test]
-    fn sums_stop_at_the_largest_number() {
-        assert_eq!(scan(&[3, u32::MAX - 1, 4, 5], None, 2).0, [0, 3, u32::MAX, u32::MAX]);
-    }
-}

@@ -73,25 +73,6 @@ pub fn screen_backward(
         .collect()
 }
 
-/// Sums of the magnitudes of each gradient's terms: rounding errors are relative to these. `sizes` are the
-/// magnitudes of the records.
-pub fn magnitudes(
-    gaussians: &[ScreenGaussian],
-    tile_counts: &[u32],
-    isects: &Intersections,
-    sizes: &[Record],
-) -> Vec<ScreenGrad> {
-    let mut out = vec![[0.0; 9]; gaussians.len()];
-    for part in 0..9 {
-        let alone = |record: &Record| std::array::from_fn(|r| if r == part { record[r] } else { 0.0 });
-        let grads = screen_backward(gaussians, tile_counts, isects, &sizes.iter().map(alone).collect::<Vec<Record>>());
-        for (sums, grads) in out.iter_mut().zip(grads) {
-            sums.iter_mut().zip(grads).for_each(|(sum, grad)| *sum += grad.abs());
-        }
-    }
-    out
-}
-
 /// Adam's state of a 2D Gaussian.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ScreenMoments {
@@ -232,20 +213,5 @@ mod tests {
             }
         }
         assert!(checked > 20 * skipped && checked > 3000, "{checked} checked, {skipped} skipped");
-    }
-
-    #[test]
-    fn steps_stay_within_the_clamps_and_the_first_is_the_rate() {
-        let start = [20.0, 9.99, 0.5, 0.999, 0.001, 0.0, 0.0, 10.0, 1.57, 0.0];
-        let mut gaussians = [start; 2];
-        let mut moments = [ScreenMoments::default(); 2];
-        let mut grad = [-1e-6; 9];
-        grad[4] = 1.0;
-        screen_step(&mut gaussians, &[grad, [f64::NAN; 9]], &mut moments, 40, 10);
-        assert_eq!((gaussians[1], moments[1]), (start, ScreenMoments::default()));
-        let expected = [20.025, 10.0, 0.51, 1.0, 0.0, 0.02, 0.001, 1.2f64.ln(), 1.59 - PI, 0.0];
-        for (x, e) in gaussians[0].iter().zip(expected) {
-            assert!((x - e).abs() < 1e-8, "{x} for {e}");
-        }
     }
 }

@@ -55,17 +55,24 @@ mod tests {
             gaussian[ANGLE] = rng.random_range(-1.6..1.6);
             let [a, b, c] = screen_covariance([gaussian[LOG_SCALE], gaussian[LOG_SCALE + 1]], gaussian[ANGLE]);
             let (det0, det) = (a * c - b * b, (a + 0.3) * (c + 0.3) - b * b);
-            let opacity = sigmoid(gaussian[LOGIT]) * (det0 / det).sqrt();
-            let mut count = 0;
+            let compensation = (det0 / det).sqrt();
+            // Compensated, and as the footprint of a lift.
+            let mut counts = [0; 2];
             for (row, column) in (0..30).flat_map(|row| (0..40).map(move |column| (row, column))) {
                 let (dx, dy) = (column as f64 + 0.5 - gaussian[0], row as f64 + 0.5 - gaussian[1]);
                 let power = ((c + 0.3) * dx * dx - 2.0 * b * dx * dy + (a + 0.3) * dy * dy) / det;
-                count += usize::from(opacity * (-0.5 * power).exp() >= 1.0 / 255.0);
+                for (count, factor) in counts.iter_mut().zip([compensation, 1.0]) {
+                    let alpha = sigmoid(gaussian[LOGIT]) * factor * (-0.5 * power).exp();
+                    *count += usize::from(alpha >= 1.0 / 255.0);
+                }
             }
-            assert_eq!(covered(&gaussian, 40, 30), count);
+            let [x, y, .., s, t, angle, _] = gaussian;
+            let lifted = make_footprint([x, y], gaussian[LOGIT], [s, t], angle, [40, 30], false);
+            let lifted = lifted.map_or(0, |f| f.pixels().filter(|&(x, y)| f.weight(x, y).is_some()).count());
+            assert_eq!([covered(&gaussian, 40, 30), lifted], counts);
             let keep = screen_prune(&[gaussian], 40, 30)[0];
             assert_eq!((covered_min(40, 30), covered_min(128, 128), covered_min(979, 546)), (4, 4, 25));
-            assert_eq!(keep, count >= 4 && sigmoid(gaussian[LOGIT]) >= 0.005);
+            assert_eq!(keep, counts[0] >= 4 && sigmoid(gaussian[LOGIT]) >= 0.005);
             *(if keep { &mut kept } else { &mut dropped }) += 1;
         }
         assert!(kept > 100 && dropped > 100);

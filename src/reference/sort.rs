@@ -17,14 +17,3 @@ pub fn sort_isects(tile_of_slot: &[u32]) -> (Vec<u32>, Vec<u32>) {
     slots.sort_by_key(|&slot| tile_of_slot[slot as usize]);
     (slots.iter().map(|&slot| tile_of_slot[slot as usize]).collect(), slots)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ties_go_by_index_and_the_invisible_stay_out() {
-        assert_eq!(sort_depth(&[3.0, f64::INFINITY, 1.0, 3.0, 1.0, f64::NAN]), [2, 4, 0, 3]);
-        assert_eq!(sort_isects(&[5, 2, NONE, 5, 2, 0]), (vec![0, 2, 2, 5, 5], vec![5, 1, 4, 0, 3]));
-    }
-}

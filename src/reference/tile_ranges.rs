@@ -20,23 +20,3 @@ pub fn listed_tiles(ranges: &[[u32; 2]], drawn: &mut [u32]) -> Vec<u32> {
     }
     tiles
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ranges_cover_the_list_and_empty_tiles_have_none() {
-        assert_eq!(tile_ranges(&[1, 1, 3], 5), [[0, 0], [0, 2], [2, 2], [2, 3], [3, 3]]);
-        assert_eq!(tile_ranges(&[], 2), [[0, 0]; 2]);
-    }
-
-    #[test]
-    fn a_tile_is_listed_once_more_than_it_has_splats() {
-        let mut drawn = [1, 0, 0, 1];
-        assert_eq!(listed_tiles(&tile_ranges(&[1, 1, 3], 4), &mut drawn), [0, 1, 3]);
-        assert_eq!(listed_tiles(&tile_ranges(&[3], 4), &mut drawn), [1, 3]);
-        assert_eq!(listed_tiles(&tile_ranges(&[], 4), &mut drawn), [3]);
-        assert_eq!((listed_tiles(&tile_ranges(&[], 4), &mut drawn), drawn), (vec![], [0; 4]));
-    }
-}

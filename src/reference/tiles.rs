@@ -118,7 +118,7 @@ mod tests {
     use crate::reference::ALPHA_MIN;
 
     /// A random splat in or around a 70 × 50 image: axes log-uniform in 0.55 … 400 px, any angle.
-    pub(crate) fn random_splat(rng: &mut ChaCha8Rng) -> Splat {
+    fn random_splat(rng: &mut ChaCha8Rng) -> Splat {
         let axis = |rng: &mut ChaCha8Rng| {
             if rng.random_bool(0.5) { rng.random_range(0.0..3.0f64) } else { rng.random_range(0.0..6.0f64) }.exp() - 1.0
         };
@@ -172,71 +172,15 @@ mod tests {
             let tiles: BTreeSet<u32> = tiles.into_iter().collect();
             let covered = brute_force(&splat, &tiling, ALPHA_MIN);
             assert!(tiles.is_superset(&covered), "{splat:?} {:?}", covered.difference(&tiles));
+            if n % 5 == 4 {
+                // Of one pixel each: the pad of 1e-3 px changes ln α by at most pad · l11 · √t + … < 0.03.
+                assert!(tiles.is_subset(&brute_force(&splat, &tiling, ALPHA_MIN * (-0.03f64).exp())), "{splat:?}");
+            }
             found += tiles.len();
             needed += covered.len();
         }
         // "Exact" except for spans without a pixel centre in a band: a needle between two pixel rows or
         // columns.
         assert!(needed > 20_000 && (found as f64) < 1.06 * needed as f64, "{found} for {needed}");
-    }
-
-    /// With tiles of one pixel every band is one row, so the span is exact up to the slack.
-    #[test]
-    fn tiles_of_one_pixel_are_the_covered_pixels() {
-        let mut rng = ChaCha8Rng::seed_from_u64(2);
-        for _ in 0..2000 {
-            let splat = random_splat(&mut rng);
-            let mut tiles = BTreeSet::new();
-            for_each_tile(&splat, &tiling(1, 1), |tile| {
-                tiles.insert(tile);
-            });
-            // The pad of 1e-3 px changes ln α by at most pad · l11 · √t + … < 0.03.
-            assert!(tiles.is_subset(&brute_force(&splat, &tiling(1, 1), ALPHA_MIN * (-0.03f64).exp())), "{splat:?}");
-        }
-    }
-
-    /// The splat and the whole computation rounded to float32 must still find every pixel that float32 blends.
-    #[test]
-    fn float32_decisions_stay_inside_the_tiles() {
-        let mut rng = ChaCha8Rng::seed_from_u64(3);
-        for _ in 0..3000 {
-            let s = random_splat(&mut rng);
-            let f = |x: f64| x as f32 as f64;
-            let s =
-                Splat { x: f(s.x), y: f(s.y), l11: f(s.l11), l12: f(s.l12), l22: f(s.l22), opacity: f(s.opacity), ..s };
-            let tiling = tiling(8, 8);
-            let mut tiles = BTreeSet::new();
-            for_each_tile(&s, &tiling, |tile| {
-                tiles.insert(tile);
-            });
-            for row in 0..tiling.height {
-                for column in 0..tiling.width {
-                    let dx = column as f32 + 0.5 - s.x as f32;
-                    let dy = row as f32 + 0.5 - s.y as f32;
-                    let wu = s.l11 as f32 * dx + s.l12 as f32 * dy;
-                    let wv = s.l22 as f32 * dy;
-                    if s.opacity as f32 * (-0.5 * (wu * wu + wv * wv)).exp() >= 1.0 / 255.0 {
-                        assert!(tiles.contains(&tiling.tile_of(column, row)), "{s:?} at {column} {row}");
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn nan_touches_nothing() {
-        let mut rng = ChaCha8Rng::seed_from_u64(4);
-        for bad in [f64::NAN, f64::INFINITY] {
-            for field in 0..6 {
-                let mut s = Splat { x: 30.0, y: 20.0, opacity: 0.5, ..random_splat(&mut rng) };
-                *[&mut s.x, &mut s.y, &mut s.l11, &mut s.l12, &mut s.l22, &mut s.opacity][field] = bad;
-                let mut count = 0;
-                for_each_tile(&s, &tiling(16, 16), |_| count += 1);
-                assert!(count <= tiling(16, 16).count(), "{s:?}");
-                if bad.is_nan() {
-                    assert_eq!(count, 0, "{s:?}");
-                }
-            }
-        }
     }
 }

@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn half_width_keeps_round_numbers_and_says_what_is_beyond_it() {
+    fn half_width_keeps_round_numbers_and_the_nearest_it_has() {
         let of = |quat: [f32; 4], scale: f32| {
             let mut planes = [1.0; GEOMETRY_PLANES];
             planes[QUAT..QUAT + 4].copy_from_slice(&quat);
@@ -298,9 +298,5 @@ mod tests {
         for (scale, want) in [(40.0, most), (f32::MAX, most), (-40.0, -32.0), (f32::NEG_INFINITY, -32.0)] {
             assert_eq!((of(unit, scale)[LOG_SCALE], of(unit, scale)[OPACITY]), (want, 1.0));
         }
-        let denormal = [f32::MIN_POSITIVE / 2.0, 0.0, 0.0, 0.0];
-        let undirected = [[0.0; 4], denormal, [f32::NAN, 1.0, 0.0, 0.0], [f32::INFINITY, 1.0, 0.0, 0.0]];
-        assert!(undirected.into_iter().all(|quat| of(quat, 0.0)[OPACITY].is_nan()));
-        assert!([f32::NAN, f32::INFINITY].into_iter().all(|scale| of(unit, scale)[OPACITY].is_nan()));
     }
 }

@@ -259,7 +259,7 @@ mod tests {
     const ALL: [Synth; 5] = [Synth::Mirror, Synth::Gloss, Synth::Diffuse, Synth::Mixed, Synth::Rough];
 
     #[test]
-    fn a_dataset_is_read_as_it_was_made_and_made_again_alike() {
+    fn a_dataset_is_read_as_it_was_made() {
         let folder = tempfile::tempdir().unwrap();
         let scene = Synth::Mixed.photograph(&SMALL).unwrap();
         scene.write(folder.path()).unwrap();
@@ -279,25 +279,13 @@ mod tests {
             let part = |part| photo.part(part).unwrap().unwrap().load([0.0; 3]).unwrap().rgb;
             assert!(part(DIFFUSE) != part(SPECULAR) && part(DIFFUSE) != made.rgb);
         }
-        let bytes = |folder: &Path| -> Vec<Vec<u8>> {
-            SMALL.files().iter().map(|name| fs::read(folder.join(name)).unwrap()).collect()
-        };
-        let again = tempfile::tempdir().unwrap();
-        Synth::Mixed.photograph(&SMALL).unwrap().write(again.path()).unwrap();
-        assert!(bytes(folder.path()) == bytes(again.path()));
-        let other = Synth::Mixed.photograph(&SynthOptions { seed: 4, ..SMALL }).unwrap();
-        assert_ne!(other.photos[0].camera, scene.photos[0].camera);
-        assert_ne!(other.points, scene.points);
-        for bad in [SynthOptions { views: 7, ..SMALL }, SynthOptions { size: 15, ..SMALL }] {
-            assert!(Synth::Mixed.photograph(&bad).is_err());
-        }
     }
 
     /// Fraction of each scene's light that comes from reflection: none, some, or most of it with mirrors.
     #[test]
     fn scenes_shine_as_much_as_their_names_say() {
         let shares = ALL.map(|synth| {
-            let scene = synth.photograph(&SMALL).unwrap();
+            let scene = synth.photograph(&SynthOptions { views: 8, size: 16, ..SMALL }).unwrap();
             let sum = |part| scene.truth(part).flatten().map(f64::from).sum::<f64>();
             let parts = scene.truth(Part::All).zip(scene.truth(Part::Diffuse)).zip(scene.truth(Part::Specular));
             for ((all, diffuse), specular) in parts {

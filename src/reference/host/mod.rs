@@ -143,16 +143,3 @@ fn pixels(frame: &Frame) -> std::ops::Range<usize> {
     let first = frame.image_first as usize;
     first..first + frame.width as usize * frame.height as usize
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::stages::NAMES;
-
-    #[test]
-    fn every_stage_but_the_measure_of_rates_has_a_twin_that_stands_in() {
-        let missing: Vec<_> = NAMES.iter().filter(|stage| twin(stage).is_none()).collect();
-        assert_eq!(missing, [&"fma_rate"]);
-        assert_eq!(twins().len(), NAMES.len() - 1);
-    }
-}
