@@ -85,8 +85,7 @@ fn assert_same_clusters(context: &Context, sets: &Sets) {
     }
 }
 
-fn random_sets(seed: u64) -> Sets {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+fn random_sets(rng: &mut impl Rng) -> Sets {
     let mut sets = Sets::default();
     for n in [0, 1, 2, 3, 4, 7, 8, 9, 31, 32, 33, 63, 64, 65, 130, 400] {
         for extent in [1, 6, 40, 300] {
@@ -115,18 +114,10 @@ fn footprint_like(rng: &mut impl Rng, radius: i32, shuffled: bool) -> Vec<[f32; 
 }
 
 #[test]
-fn clusters_are_the_twins_on_random_sets() {
-    let context = Gpu::new();
-    for seed in [1, 2, 3] {
-        assert_same_clusters(&context, &random_sets(seed));
-    }
-}
-
-#[test]
 fn clusters_are_the_twins_on_chains_coincident_points_and_grids() {
     let context = Gpu::new();
     let mut rng = ChaCha8Rng::seed_from_u64(4);
-    let mut sets = Sets::default();
+    let mut sets = random_sets(&mut rng);
     let mut chain: Vec<_> = (0..1500).map(|i| [i as f32, 0.0, 0.0]).collect();
     for tau in [1.0, 2.0] {
         sets.push(chain.clone(), 7, tau);
@@ -143,18 +134,11 @@ fn clusters_are_the_twins_on_chains_coincident_points_and_grids() {
         sets.push(footprint_like(&mut rng, radius, shuffled), 3, 5.0);
         sets.push(footprint_like(&mut rng, radius, shuffled), 3, 2.0);
     }
-    assert_same_clusters(&context, &sets);
-}
-
-#[test]
-fn clustering_many_sets_at_once_gives_every_run_the_same_labels() {
-    let context = Gpu::new();
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let mut sets = Sets::default();
-    for i in 0..300 {
+    for i in 0..100 {
         sets.push(footprint_like(&mut rng, 4 + i % 9, i % 3 == 0), 0, 3.0);
     }
     assert_same_clusters(&context, &sets);
+    // Every run gives the same labels.
     let [a, b] = [(), ()].map(|()| cluster_on_device(&context, &sets, false));
     assert_eq!(a.labels, b.labels);
 }

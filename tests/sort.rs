@@ -25,24 +25,23 @@ fn upload(context: &Context, name: &str, data: &[u32]) -> Buffer<u32> {
     Buffer::from_slice(context, name, data).unwrap()
 }
 
+/// Records a dispatch over `items` counts; returns the first dispatch.
+fn dispatched(context: &Context, counted: &Counted, items: u32, items_per_group: u32, resource_index: u32) -> Vec<u32> {
+    let buffers =
+        dispatch_args::Buffers { count: &counted.count, dispatch_args: &counted.args, status: &counted.status };
+    let push = dispatch_args::Push { count_index: ITEMS, capacity: 9, items_per_group, args_index: 0, resource_index };
+    let mut recorder = context.recorder("args").unwrap();
+    counted.stage.record(&mut recorder, &buffers, &push, items);
+    recorder.submit().unwrap().wait().unwrap();
+    counted.args.download_range(0, 3).unwrap()
+}
+
 #[test]
 fn a_stage_over_no_items_is_not_recorded() {
     let context = Gpu::new();
     let counted = Counted::new(&context, 9).unwrap();
-    let buffers =
-        dispatch_args::Buffers { count: &counted.count, dispatch_args: &counted.args, status: &counted.status };
-    let push = dispatch_args::Push {
-        count_index: ITEMS,
-        capacity: 9,
-        items_per_group: 1,
-        args_index: 0,
-        resource_index: RESOURCE.index(),
-    };
     for (items, wanted) in [(0, [0; 3]), (1, [9, 1, 1])] {
-        let mut recorder = context.recorder("nothing").unwrap();
-        counted.stage.record(&mut recorder, &buffers, &push, items);
-        recorder.submit().unwrap().wait().unwrap();
-        assert_eq!(counted.args.download_range(0, 3).unwrap(), wanted);
+        assert_eq!(dispatched(&context, &counted, items, 1, RESOURCE.index()), wanted);
     }
 }
 
@@ -50,15 +49,8 @@ fn a_stage_over_no_items_is_not_recorded() {
 fn nothing_is_told_of_what_always_fits() {
     let context = Gpu::new();
     let counted = Counted::new(&context, 9).unwrap();
-    let buffers =
-        dispatch_args::Buffers { count: &counted.count, dispatch_args: &counted.args, status: &counted.status };
     for (resource_index, asked) in [(NO_RESOURCE, None), (RESOURCE.index(), Some(9))] {
-        let push =
-            dispatch_args::Push { count_index: ITEMS, capacity: 9, items_per_group: 2, args_index: 0, resource_index };
-        let mut recorder = context.recorder("args").unwrap();
-        counted.stage.record(&mut recorder, &buffers, &push, 1);
-        recorder.submit().unwrap().wait().unwrap();
-        assert_eq!(counted.args.download_range(0, 3).unwrap(), [5, 1, 1]);
+        assert_eq!(dispatched(&context, &counted, 1, 2, resource_index), [5, 1, 1]);
         let mut want = Status::default();
         asked.into_iter().for_each(|asked| want.ask(RESOURCE, asked));
         assert_eq!(counted.status.download().unwrap(), want.0);

@@ -97,21 +97,23 @@ impl Shot {
     }
 }
 
-pub struct Probe<'a> {
-    gpu: &'a Gpu,
+pub struct Probe {
     pub renderer: Renderer,
     setup: Setup,
+    // Dropped last.
+    gpu: Gpu,
 }
 
-impl<'a> Probe<'a> {
+impl Probe {
     /// For up to `gaussians` Gaussians and images up to the size of `largest`.
-    pub fn new(gpu: &'a Gpu, gaussians: u32, largest: &Camera, setup: Setup) -> Self {
-        let views = Views::upload(gpu, &[*largest], &[]).unwrap();
+    pub fn new(gaussians: u32, largest: &Camera, setup: Setup) -> Self {
+        let gpu = Gpu::new();
+        let views = Views::upload(&gpu, &[*largest], &[]).unwrap();
         let Setup { compensate, tile, reduction, degree, packed, .. } = setup;
         let policy = Policy { reduction, compensate, tile, packed };
         let options = RenderOptions { policy, depth: true, backward: true, ..Default::default() };
         let needs = Needs { gaussians, degrees: vec![degree], lobe_degrees: vec![degree], half: false };
-        Probe { gpu, renderer: Renderer::new(gpu, needs, &views, options).unwrap(), setup }
+        Probe { renderer: Renderer::new(&gpu, needs, &views, options).unwrap(), setup, gpu }
     }
 
     /// The twin's options for the same computation.
@@ -127,7 +129,7 @@ impl<'a> Probe<'a> {
     }
 
     pub fn shoot(&mut self, scene: &Scene, camera: &Camera, image_grad: &[[f64; 3]]) -> Shot {
-        let gpu = self.gpu;
+        let gpu = &self.gpu;
         let origin = self.setup.origin;
         let views = Views::upload_around(gpu, origin, &[*camera], &[]).unwrap();
         let room = Room { page: self.setup.page, ..Default::default() };

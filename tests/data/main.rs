@@ -14,7 +14,7 @@ mod variants;
 mod wild;
 
 use glam::DVec3;
-use glint::data::{Dataset, DatasetKind, DatasetOptions, Split, read_points, read_scene, write_scene};
+use glint::data::{Dataset, DatasetKind, DatasetOptions, Split, read_scene, write_scene};
 use shared::shared;
 
 fn open(name: &str) -> Option<Dataset> {
@@ -116,27 +116,6 @@ fn the_fox_is_undistorted_without_a_camera_model() {
     assert_eq!(data.load_images().unwrap().len(), 50);
 }
 
-/// In Brush random points lie behind the cameras, and training never recovers.
-#[test]
-fn random_points_lie_before_the_cameras() {
-    for name in ["small/fox", "small/horns", "small/bonsai", "small/garden", "small/lego"] {
-        let Some(data) = open(name) else { continue };
-        let cloud = data.random_points(2_000, 42);
-        assert_eq!(cloud.positions.len(), 2_000);
-        let mut shares = 0.0;
-        for &point in &cloud.positions {
-            let seen = data.split(Split::Train).filter(|(_, photo)| sees(&photo.camera, point)).count();
-            assert!(seen >= 3, "{name}: {point:?} is seen by {seen}");
-            shares += seen as f64 / count(&data, Split::Train) as f64;
-        }
-        let focus = data.focus().unwrap();
-        let share = shares / 2_000.0;
-        eprintln!("{name}: extent {:.3}, focus {focus:?}, a point is seen by {share:.2} of the cameras", data.extent());
-        assert!(share > 0.2, "{name}: {share}");
-        assert_eq!(cloud, data.random_points(2_000, 42));
-    }
-}
-
 /// The datasets' sparse points are the reference for the focus.
 #[test]
 fn the_focus_is_where_the_sparse_points_are() {
@@ -168,42 +147,4 @@ fn the_reference_trainers_scene_comes_back_bit_for_bit() {
     // Both write zero normals, so the whole files are equal.
     assert!(a == b);
     assert_eq!(read_scene(&copy).unwrap(), scene);
-}
-
-#[test]
-fn files_of_other_kinds_are_told_what_they_are() {
-    for (name, parts) in [
-        (
-            "splats/inria_header_says_100.ply",
-            &["100 rows", "248 bytes each", "24800 bytes", "38829", "14029 bytes too many", "156 whole rows"][..],
-        ),
-        ("full/garden/sparse/0/points3D.ply", &["point cloud", "not a 3DGS PLY"]),
-    ] {
-        let Some(path) = shared(name) else { continue };
-        let message = read_scene(&path).unwrap_err().to_string();
-        eprintln!("{message}");
-        for part in parts {
-            assert!(message.contains(part), "`{part}` is not in: {message}");
-        }
-    }
-    let Some(path) = shared("full/garden/sparse/0/points3D.ply") else { return };
-    assert_eq!(read_points(path, &mut Vec::new()).unwrap().positions.len(), 138_766);
-}
-
-#[test]
-fn full_scenes_can_be_reduced_while_reading() {
-    let Some(path) = shared("full/bonsai") else { return };
-    let data = Dataset::open(path, &DatasetOptions { max_size: Some(256), ..Default::default() }).unwrap();
-    let camera = data.photos[0].camera;
-    assert_eq!((camera.width, camera.height), (256, 171));
-    assert!((camera.fx - 826.8636509965991 * 256.0 / 800.0).abs() < 1e-9);
-    let image = data.photos[0].load(data.background).unwrap();
-    assert_eq!((image.width, image.height), (256, 171));
-    let Some(small) = open("small/bonsai") else { return };
-    let other = small.photos[0].load(small.background).unwrap();
-    let apart: f64 = image.rgb.iter().zip(&other.rgb).map(|(a, b)| a.abs_diff(*b) as f64).sum();
-    // Another filter and another JPEG of the same picture: a few grey levels.
-    let apart = apart / image.rgb.len() as f64;
-    eprintln!("mean difference from the small copy: {apart:.2} grey levels");
-    assert!(apart < 6.0, "{apart}");
 }

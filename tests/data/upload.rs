@@ -1,8 +1,7 @@
 //! Photographs on the device equal the files' contents.
 
-use glint::data::{Dataset, DatasetOptions, Photo};
+use glint::data::{Dataset, Photo};
 use glint::pipelines::start::upload_photos;
-use image::{Rgba, RgbaImage};
 
 use crate::common::Gpu;
 use crate::variants::{KINDS, Plain};
@@ -83,28 +82,6 @@ fn photos_with_halved_sides_are_means_of_their_pixels() {
                 assert!((0..3).all(|c| (f64::from(bytes[c]) - sum[c]).abs() < 0.501), "photo {photo}, {k}, {at}");
                 assert_eq!(bytes[3] == 255, counts, "photo {photo}, {k}, {at}");
             }
-        }
-    }
-}
-
-#[test]
-fn transparent_pixels_have_the_background_or_do_not_count() {
-    let gpu = Gpu::new();
-    let plain = Plain::new(2, [2, 1], [9.0, 9.0], "sub", 3);
-    let folder = tempfile::tempdir().unwrap();
-    let (path, _) = KINDS[0].1(&plain, folder.path());
-    for name in &plain.names {
-        let pixels = [Rgba([200, 100, 50, 255]), Rgba([200, 100, 50, 0])];
-        RgbaImage::from_fn(2, 1, |x, _| pixels[x as usize]).save(folder.path().join("images").join(name)).unwrap();
-    }
-    for (alpha, expected) in [(glint::data::Alpha::Background, 0xFF33_66FFu32), (glint::data::Alpha::Mask, 0x0032_64C8)]
-    {
-        let options = DatasetOptions { alpha, background: [1.0, 0.4, 0.2], ..Default::default() };
-        let data = Dataset::open(&path, &options).unwrap();
-        let photos: Vec<&Photo> = data.photos.iter().collect();
-        let views = upload_photos(&gpu, &photos, data.background, 0, |_, _| ()).unwrap();
-        for view in 0..2 {
-            assert_eq!(views.download_photograph(view).unwrap(), [0xFF32_64C8, expected]);
         }
     }
 }

@@ -9,6 +9,7 @@ use glint::data::{Alpha, DatasetOptions, Holdout, PointCloud};
 use glint::scene::Camera;
 use image::{DynamicImage, ImageBuffer, Rgb, RgbImage};
 use serde_json::{Value, json};
+use tempfile::TempDir;
 
 /// The dataset itself. Photos are sorted by name.
 pub struct Plain {
@@ -188,12 +189,18 @@ fn plain(root: &Path) -> Written {
     (root.to_owned(), DatasetOptions::default())
 }
 
-/// The plain form after `change` has edited its files.
-fn changed(plain_form: &Plain, root: &Path, change: impl FnOnce(&Path)) -> Written {
-    plain_form.model(&root.join("sparse/0"), "PINHOLE", &plain_form.pinhole());
-    plain_form.write_photos(&root.join("images"), str::to_owned);
-    change(root);
+/// The text files of a model in one folder, and the photos in another.
+fn placed(p: &Plain, root: &Path, model: &str, images: &str) -> Written {
+    p.model(&root.join(model), "PINHOLE", &p.pinhole());
+    p.write_photos(&root.join(images), str::to_owned);
     plain(root)
+}
+
+/// The plain form after `change` has edited its files.
+fn changed(p: &Plain, root: &Path, change: impl FnOnce(&Path)) -> Written {
+    let written = placed(p, root, "sparse/0", "images");
+    change(root);
+    written
 }
 
 /// The plain form with photos written differently.
@@ -205,6 +212,10 @@ fn photos(p: &Plain, root: &Path, write: impl Fn(&RgbImage, &Path)) -> Written {
         write(photo, &path);
     }
     plain(root)
+}
+
+fn with_alpha(photo: &RgbImage, path: &Path) {
+    DynamicImage::from(photo.clone()).into_rgba8().save(path).unwrap();
 }
 
 /// A camera model whose parameters cause no distortion.
@@ -228,6 +239,18 @@ fn other_ending(name: &str, ending: &str) -> String {
 /// Every 8th by name, the default without a list.
 fn test_names(p: &Plain) -> Vec<&str> {
     p.names.iter().step_by(8).map(String::as_str).collect()
+}
+
+/// Writes the kind of this name.
+pub fn write(plain: &Plain, root: &Path, kind: &str) -> Written {
+    KINDS.iter().find(|(name, _)| *name == kind).unwrap().1(plain, root)
+}
+
+/// Ten photos, written as this kind.
+pub fn ten(kind: &str) -> (Plain, TempDir, Written) {
+    let (plain, folder) = (Plain::new(10, [8, 6], [9.0, 9.0], "sub", 1), tempfile::tempdir().unwrap());
+    let written = write(&plain, folder.path(), kind);
+    (plain, folder, written)
 }
 
 pub type Kind = (&'static str, fn(&Plain, &Path) -> Written);
@@ -259,45 +282,20 @@ pub const KINDS: [Kind; 41] = [
     ("no lines of points", |p, root| {
         changed(p, root, |root| put(&root.join("sparse/0/images.txt"), p.images_txt(str::to_owned, "")))
     }),
-    ("model in sparse", |p, root| {
-        p.model(&root.join("sparse"), "PINHOLE", &p.pinhole());
-        p.write_photos(&root.join("images"), str::to_owned);
-        plain(root)
-    }),
-    ("model beside the photos", |p, root| {
-        p.model(root, "PINHOLE", &p.pinhole());
-        p.write_photos(&root.join("images"), str::to_owned);
-        plain(root)
-    }),
-    ("model in colmap/sparse/0", |p, root| {
-        p.model(&root.join("colmap/sparse/0"), "PINHOLE", &p.pinhole());
-        p.write_photos(&root.join("images"), str::to_owned);
-        plain(root)
-    }),
-    ("model in sparse/1 only", |p, root| {
-        p.model(&root.join("sparse/1"), "PINHOLE", &p.pinhole());
-        p.write_photos(&root.join("images"), str::to_owned);
-        plain(root)
-    }),
+    ("model in sparse", |p, root| placed(p, root, "sparse", "images")),
+    ("model beside the photos", |p, root| placed(p, root, "", "images")),
+    ("model in colmap/sparse/0", |p, root| placed(p, root, "colmap/sparse/0", "images")),
+    ("model in sparse/1 only", |p, root| placed(p, root, "sparse/1", "images")),
     ("a second model", |p, root| {
         changed(p, root, |root| p.model(&root.join("sparse/1"), "PINHOLE", &[9.0, 9.0, 1.0, 1.0]))
     }),
     ("a model that is chosen", |p, root| {
+        let _ = placed(p, root, "sparse/2", "images");
         p.model(&root.join("sparse/0"), "PINHOLE", &[9.0, 9.0, 1.0, 1.0]);
-        p.model(&root.join("sparse/2"), "PINHOLE", &p.pinhole());
-        p.write_photos(&root.join("images"), str::to_owned);
         (root.to_owned(), DatasetOptions { model: Some("sparse/2".into()), ..Default::default() })
     }),
-    ("everything in dense", |p, root| {
-        p.model(&root.join("dense/sparse"), "PINHOLE", &p.pinhole());
-        p.write_photos(&root.join("dense/images"), str::to_owned);
-        plain(root)
-    }),
-    ("photos in input", |p, root| {
-        p.model(&root.join("sparse/0"), "PINHOLE", &p.pinhole());
-        p.write_photos(&root.join("input"), str::to_owned);
-        plain(root)
-    }),
+    ("everything in dense", |p, root| placed(p, root, "dense/sparse", "dense/images")),
+    ("photos in input", |p, root| placed(p, root, "sparse/0", "input")),
     ("photos in a folder that is named", |p, root| {
         changed(p, root, |root| fs::rename(root.join("images"), root.join("pictures")).unwrap());
         fs::create_dir(root.join("images")).unwrap();
@@ -307,10 +305,9 @@ pub const KINDS: [Kind; 41] = [
         // The model is for photos four times as large.
         let Camera { width, height, .. } = p.cameras[0];
         let camera = format!("1 PINHOLE {} {} {}\n", 4 * width, 4 * height, words(&p.pinhole().map(|v| 4.0 * v)));
-        p.model(&root.join("sparse/0"), "PINHOLE", &p.pinhole());
+        let written = placed(p, root, "sparse/0", "images_4");
         put(&root.join("sparse/0/cameras.txt"), camera);
-        p.write_photos(&root.join("images_4"), str::to_owned);
-        plain(root)
+        written
     }),
     ("backslashes", |p, root| {
         changed(p, root, |root| {
@@ -339,12 +336,9 @@ pub const KINDS: [Kind; 41] = [
             wide.save(path).unwrap();
         })
     }),
-    ("opaque alpha", |p, root| {
-        photos(p, root, |photo, path| DynamicImage::from(photo.clone()).into_rgba8().save(path).unwrap())
-    }),
+    ("opaque alpha", |p, root| photos(p, root, with_alpha)),
     ("opaque alpha as a mask", |p, root| {
-        let (root, options) =
-            photos(p, root, |photo, path| DynamicImage::from(photo.clone()).into_rgba8().save(path).unwrap());
+        let (root, options) = photos(p, root, with_alpha);
         (root, DatasetOptions { alpha: Alpha::Mask, ..options })
     }),
     ("white masks", |p, root| {

@@ -2,10 +2,10 @@
 
 use std::fs;
 
-use glint::data::{Dataset, DatasetKind, DatasetOptions, Holdout, Split};
+use glint::data::{Dataset, DatasetKind, DatasetOptions, Split};
 use proptest::prelude::*;
 
-use crate::variants::{KINDS, Plain, put};
+use crate::variants::{KINDS, Plain, put, ten, write};
 
 /// Rounding of poses that went through quaternions or matrices, and of focal lengths that were angles.
 const CLOSE: f64 = 1e-11;
@@ -54,15 +54,9 @@ proptest! {
     }
 }
 
-fn plain() -> Plain {
-    Plain::new(10, [8, 6], [9.0, 9.0], "sub", 1)
-}
-
 /// Opens a kind by name; returns the dataset's notes.
 fn notes(kind: &str) -> Vec<String> {
-    let folder = tempfile::tempdir().unwrap();
-    let (_, write) = KINDS.iter().find(|(name, _)| *name == kind).unwrap();
-    let (path, options) = write(&plain(), folder.path());
+    let (_, _folder, (path, options)) = ten(kind);
     Dataset::open(path, &options).unwrap().notes
 }
 
@@ -104,8 +98,7 @@ fn what_was_done_to_load_a_dataset_is_told() {
 #[test]
 fn masks_that_belong_to_no_photo_are_told() {
     for kind in ["COLMAP text", "nerfstudio"] {
-        let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
-        let (path, options) = KINDS.iter().find(|(name, _)| *name == kind).unwrap().1(&plain, folder.path());
+        let (_, folder, (path, options)) = ten(kind);
         let notes = || Dataset::open(&path, &options).unwrap().notes.join("; ");
         assert_eq!(notes(), "", "{kind}");
         let mask = image::GrayImage::from_pixel(8, 6, image::Luma([255]));
@@ -121,10 +114,9 @@ fn masks_that_belong_to_no_photo_are_told() {
 /// In a folder from nerfstudio, transforms.json is the dataset; the model in colmap/ is its source.
 #[test]
 fn of_a_model_and_a_transforms_file_the_one_that_is_the_datasets_own_is_read() {
-    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
-    let write = |kind: &str| KINDS.iter().find(|(name, _)| *name == kind).unwrap().1(&plain, folder.path());
+    let (plain, folder, _) = ten("model in colmap/sparse/0");
+    let write = |kind: &str| write(&plain, folder.path(), kind);
     let open = || Dataset::open(folder.path(), &DatasetOptions::default()).unwrap();
-    write("model in colmap/sparse/0");
     assert_eq!(open().kind, DatasetKind::Colmap);
     write("nerfstudio");
     assert_eq!(open().kind, DatasetKind::Transforms);
@@ -139,8 +131,7 @@ fn of_a_model_and_a_transforms_file_the_one_that_is_the_datasets_own_is_read() {
 /// A photo found under another spelling must not be the file of another name.
 #[test]
 fn two_names_do_not_share_a_file() {
-    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
-    KINDS[0].1(&plain, folder.path());
+    let (_, folder, _) = ten("COLMAP text");
     let images = folder.path().join("sparse/0/images.txt");
     let text = fs::read_to_string(&images).unwrap() + "98 1 0 0 0 0 0 0 1 P01.jpg\n\n99 1 0 0 0 0 0 0 1 none.jpg\n\n";
     put(&images, text);
@@ -151,8 +142,7 @@ fn two_names_do_not_share_a_file() {
 
 #[test]
 fn a_principal_point_that_is_nowhere_near_the_picture_is_said() {
-    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
-    KINDS[0].1(&plain, folder.path());
+    let (plain, folder, _) = ten("COLMAP text");
     put(&folder.path().join("sparse/0/cameras.txt"), plain.cameras_txt("PINHOLE", &[9.0, 9.0, -500.0, 3.0]));
     let notes = Dataset::open(folder.path(), &DatasetOptions::default()).unwrap().notes;
     assert!(
@@ -160,9 +150,7 @@ fn a_principal_point_that_is_nowhere_near_the_picture_is_said() {
         "{notes:?}"
     );
     // Intrinsics of photos twice as large, without a size.
-    let folder = tempfile::tempdir().unwrap();
-    let (_, write) = KINDS.iter().find(|(name, _)| *name == "nerfstudio").unwrap();
-    write(&plain, folder.path());
+    let (_, folder, _) = ten("nerfstudio");
     let path = folder.path().join("transforms.json");
     let mut file: serde_json::Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
     (file["w"], file["h"]) = Default::default();
@@ -212,20 +200,10 @@ fn an_angle_for_a_focal_length_makes_no_blender_scene() {
 }
 
 #[test]
-fn a_split_that_is_asked_for_counts_more_than_lists() {
-    let (plain, folder) = (plain(), tempfile::tempdir().unwrap());
-    let (_, write) = KINDS.iter().find(|(name, _)| *name == "train.txt and test.txt").unwrap();
-    let (path, _) = write(&plain, folder.path());
-    let tests = |holdout| {
-        let data = Dataset::open(&path, &DatasetOptions { holdout, ..Default::default() }).unwrap();
-        (data.split(Split::Test).count(), data.photos.len())
-    };
-    assert_eq!(tests(Holdout::Dataset), (2, 10));
-    assert_eq!(tests(Holdout::Every(3)), (4, 10));
-    assert_eq!(tests(Holdout::Nothing), (0, 10));
-    // Photos in neither list are left out.
+fn photos_in_neither_list_are_left_out() {
+    let (_, folder, (path, options)) = ten("train.txt and test.txt");
     put(&folder.path().join("train.txt"), "p02.png\np04.png\nnobody.png");
-    let data = Dataset::open(&path, &DatasetOptions::default()).unwrap();
+    let data = Dataset::open(&path, &options).unwrap();
     assert_eq!((data.split(Split::Train).count(), data.split(Split::Test).count()), (2, 2));
     let text = data.notes.join("; ");
     assert!(text.contains("6 photos left out") && text.contains("`nobody`"), "{text}");

@@ -4,19 +4,16 @@ use glint::{reference::random_scene, scene::layout};
 
 use super::{
     WIDTH, assert_one_step,
-    common::Gpu,
-    company,
     probe::{Probe, RATES, Setup, Shot, ripple, scene},
-    usual,
+    stage, usual,
 };
 
 /// Every parameter of a base and of a supplementary Gaussian becomes non-finite in turn: all other results
 /// stay the same to the last bit.
 #[test]
 fn what_is_nan_stays_where_it_is() {
-    let gpu = Gpu::new();
     let camera = usual();
-    let mut probe = Probe::new(&gpu, 512, &camera, Setup { degree: 1, ..Default::default() });
+    let mut probe = Probe::new(512, &camera, Setup { degree: 1, ..Default::default() });
     let clean = random_scene(9, 160, 80, 1);
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let reference = probe.shoot(&clean, &camera, &image_grad);
@@ -112,10 +109,8 @@ fn what_is_nan_stays_where_it_is() {
 /// The loss is steeper than float32's squares: Adam must move by its rate, not by rate · g / ∞.
 #[test]
 fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
-    let gpu = Gpu::new();
-    let camera = usual();
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    let before = scene(&company(&camera));
+    let (camera, company, mut probe) = stage(Setup::default());
+    let before = scene(&company);
     let steep: Vec<_> = (0..camera.pixels() as usize).map(|p| ripple(p).map(|g| g * 1e22)).collect();
     let shot = probe.shoot(&before, &camera, &steep);
     assert!(shot.is_finite() && shot.gradients.geometry[layout::OPACITY * 2].abs() > 1e20);
@@ -125,10 +120,10 @@ fn a_gradient_whose_square_overflows_moves_a_parameter_by_its_rate() {
     broken[25 * WIDTH as usize + 30] = [f64::NAN, 0.0, 0.0];
     assert_eq!(probe.shoot(&before, &camera, &broken).stepped, before);
     // Also with packed records.
-    let mut packed = Probe::new(&gpu, 8, &camera, Setup { packed: true, ..Default::default() });
+    let mut packed = Probe::new(8, &camera, Setup { packed: true, ..Default::default() });
     assert_eq!(packed.shoot(&before, &camera, &broken).stepped, before);
     // Also for Gaussians that only learn opacities.
-    let mut frozen = Probe::new(&gpu, 8, &camera, Setup { opacity_only: true, ..Default::default() });
+    let mut frozen = Probe::new(8, &camera, Setup { opacity_only: true, ..Default::default() });
     assert_eq!(frozen.shoot(&before, &camera, &broken).stepped, before);
     let moved = frozen.shoot(&before, &camera, &steep).stepped.base;
     for (new, old) in moved.opacities.iter().zip(&before.base.opacities) {

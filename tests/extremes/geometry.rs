@@ -14,22 +14,20 @@ use glint::{
 use super::{
     HEIGHT, WIDTH, assert_background, check,
     common::Gpu,
-    company,
+    company, middle,
     probe::{BACKGROUND, Blob, Probe, Setup, distance, ripple, scene},
-    usual,
+    stage, usual,
 };
 
 #[test]
 fn scales_from_1e_minus_7_to_1e4_scene_units() {
-    let gpu = Gpu::new();
     let camera = usual();
     let [near, far] = company(&camera);
     for compensate in [false, true] {
-        let mut probe = Probe::new(&gpu, 8, &camera, Setup { compensate, ..Default::default() });
+        let mut probe = Probe::new(8, &camera, Setup { compensate, ..Default::default() });
         for exponent in -7..=4 {
             let s = 10f64.powi(exponent);
-            let blob =
-                Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [s, 0.7 * s, 1.2 * s], ..Default::default() };
+            let blob = Blob { scale: [s, 0.7 * s, 1.2 * s], ..middle(&camera) };
             let what = format!("scale 1e{exponent}, compensated {compensate}");
             check(&mut probe, &camera, &scene(&[near, blob, far]), &what, 1e-4, 1e-5, 1e-4);
         }
@@ -38,11 +36,10 @@ fn scales_from_1e_minus_7_to_1e4_scene_units() {
 
 #[test]
 fn needles_and_pancakes_to_1e7() {
-    let gpu = Gpu::new();
     let camera = usual();
     let [near, far] = company(&camera);
     for compensate in [false, true] {
-        let mut probe = Probe::new(&gpu, 8, &camera, Setup { compensate, ..Default::default() });
+        let mut probe = Probe::new(8, &camera, Setup { compensate, ..Default::default() });
         for (n, quat) in [[1.0, 0.0, 0.0, 0.0], [0.9, 0.2, -0.3, 0.4], [0.1, 0.7, 0.6, -0.3]].into_iter().enumerate() {
             for scale in [
                 [1.0, 1e-7, 1e-7],
@@ -53,8 +50,7 @@ fn needles_and_pancakes_to_1e7() {
                 [1e4, 1e4, 1e-3],
                 [1e2, 1e-2, 1e-5],
             ] {
-                let blob =
-                    Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale, quat, logit: 2.0, ..Default::default() };
+                let blob = Blob { scale, quat, logit: 2.0, ..middle(&camera) };
                 let what = format!("needle {scale:?} turn {n}, compensated {compensate}");
                 // Beyond a length of 1e5 px the direction itself limits the precision: float32 has 1e-7 rad,
                 // over the 50 px in view 1e-5 px of a width of 0.55 px. That is 1e-5 of the image, and 1e-3
@@ -68,10 +64,7 @@ fn needles_and_pancakes_to_1e7() {
 
 #[test]
 fn centres_beside_behind_and_around_the_camera() {
-    let gpu = Gpu::new();
-    let camera = usual();
-    let [near, far] = company(&camera);
-    let mut probe = Probe::new(&gpu, 16, &camera, Setup::default());
+    let (camera, [near, far], mut probe) = stage(Setup::default());
     let (w, h) = (f64::from(WIDTH), f64::from(HEIGHT));
     for (what, x, y, z, s) in [
         ("camera inside", 36.0, 28.0, 0.5, 2.0),
@@ -94,10 +87,9 @@ fn centres_beside_behind_and_around_the_camera() {
 
 #[test]
 fn a_centre_on_the_near_plane_or_behind_it_is_not_seen() {
-    let gpu = Gpu::new();
     let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..usual() };
     let company = company(&camera);
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let mut probe = Probe::new(8, &camera, Setup::default());
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let alone = probe.shoot(&scene(&company), &camera, &image_grad);
     // With this pose, camera z equals the mean's own z: 0.2f32 is exactly on the plane.
@@ -148,9 +140,9 @@ fn a_scene_far_from_its_origin_is_drawn_from_its_middle() {
         origin.distance(far.eye()) < 1.0
             && glint::pipelines::views::origin_for(&[near, usual().around(DVec3::X)]) == DVec3::ZERO
     );
-    let mut here = Probe::new(&gpu, 64, &near, Setup::default());
-    let mut there = Probe::new(&gpu, 64, &near, Setup { origin, ..Default::default() });
-    let mut naive = Probe::new(&gpu, 64, &near, Setup::default());
+    let mut here = Probe::new(64, &near, Setup::default());
+    let mut there = Probe::new(64, &near, Setup { origin, ..Default::default() });
+    let mut naive = Probe::new(64, &near, Setup::default());
     let twin = here.twin(&scene(&blobs(DVec3::ZERO)), &near, 1e-4);
     let want = here.shoot(&scene(&blobs(DVec3::ZERO)), &near, &twin.image_grad);
     let got = there.shoot(&scene(&blobs(offset)), &far, &twin.image_grad);
@@ -177,13 +169,12 @@ fn a_scene_far_from_its_origin_is_drawn_from_its_middle() {
 
 #[test]
 fn a_scene_smaller_than_the_near_plane_is_not_seen() {
-    let gpu = Gpu::new();
     let camera = usual();
     let blobs: Vec<_> = company(&camera)
         .into_iter()
         .map(|b| Blob { mean: camera.eye() + (b.mean - camera.eye()) * 1e-4, scale: b.scale.map(|s| s * 1e-4), ..b })
         .collect();
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let mut probe = Probe::new(8, &camera, Setup::default());
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let shot = probe.shoot(&scene(&blobs), &camera, &image_grad);
     assert_background(&shot);
@@ -193,10 +184,7 @@ fn a_scene_smaller_than_the_near_plane_is_not_seen() {
 
 #[test]
 fn what_leaves_float32_on_the_way_is_not_seen() {
-    let gpu = Gpu::new();
-    let camera = usual();
-    let company = company(&camera);
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let (camera, company, mut probe) = stage(Setup::default());
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let alone = probe.shoot(&scene(&company), &camera, &image_grad);
     // Axes of 1.5e9 px fit into an int, ends at 5e9 px do not: it fills the image.
@@ -223,9 +211,8 @@ fn what_leaves_float32_on_the_way_is_not_seen() {
 
 #[test]
 fn depths_lie_before_the_near_plane_even_inside_a_gaussian() {
-    let gpu = Gpu::new();
     let camera = usual();
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let mut probe = Probe::new(8, &camera, Setup::default());
     let (mut seen, mut fell_back, mut off) = (0, 0, 0);
     for quat in [
         [1.0, 0.0, 0.0, 0.0],

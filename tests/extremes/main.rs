@@ -21,7 +21,7 @@ use glint::{
         layout::{self, Array},
     },
 };
-use probe::{BACKGROUND, Blob, Probe, RATES, Shot, camera_at, distance, scene};
+use probe::{BACKGROUND, Blob, Probe, RATES, Setup, Shot, camera_at, distance, scene};
 
 const WIDTH: u32 = 72;
 const HEIGHT: u32 = 56;
@@ -86,6 +86,17 @@ fn company(camera: &Camera) -> [Blob; 2] {
         ..near
     };
     [near, far]
+}
+
+/// A Gaussian between the two, near the middle of the picture.
+fn middle(camera: &Camera) -> Blob {
+    Blob { mean: camera.unproject(36.4, 28.7, 4.0), ..Default::default() }
+}
+
+/// The usual camera, the two in its view, and a probe for these and a few others.
+fn stage(setup: Setup) -> (Camera, [Blob; 2], Probe) {
+    let camera = usual();
+    (camera, company(&camera), Probe::new(16, &camera, setup))
 }
 
 fn assert_background(shot: &Shot) {

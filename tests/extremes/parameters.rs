@@ -14,18 +14,15 @@ use glint::{
 use super::{
     check,
     common::Gpu,
-    company,
+    company, middle,
     probe::{BACKGROUND, Blob, Probe, RATES, Setup, distance, ripple, scene, with_lobes},
-    usual,
+    stage, usual,
 };
 
 #[test]
 fn quaternions_of_any_length() {
-    let gpu = Gpu::new();
-    let camera = usual();
-    let [near, far] = company(&camera);
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.1, 0.2], ..Default::default() };
+    let (camera, [near, far], mut probe) = stage(Setup::default());
+    let blob = Blob { scale: [0.6, 0.1, 0.2], ..middle(&camera) };
     let unit = {
         let n = blob.quat.iter().map(|q| q * q).sum::<f32>().sqrt();
         Blob { quat: blob.quat.map(|q| q / n), ..blob }
@@ -74,7 +71,7 @@ fn half_width_at_the_ends_of_what_it_holds() {
         renderer.render(&model, &views, 0, BACKGROUND).unwrap()
     };
     let [near, far] = company(&camera);
-    let blob = Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.1, 0.2], ..Default::default() };
+    let blob = Blob { scale: [0.6, 0.1, 0.2], ..middle(&camera) };
     let alone = image(&scene(&[near, far]), true);
     let full = image(&scene(&[near, far, blob]), false);
     // Unit quaternions, and shorter, longer and negated ones.
@@ -107,13 +104,9 @@ fn half_width_at_the_ends_of_what_it_holds() {
 
 #[test]
 fn logits_to_100_either_way() {
-    let gpu = Gpu::new();
-    let camera = usual();
-    let [near, far] = company(&camera);
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let (camera, [near, far], mut probe) = stage(Setup::default());
     for logit in [-100.0f32, -20.0, -5.6, 5.0, 10.0, 16.0, 18.0, 20.0, 25.0, 30.0, 60.0, 88.0, 89.0, 100.0] {
-        let blob =
-            Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.6, 0.3, 0.4], logit, ..Default::default() };
+        let blob = Blob { scale: [0.6, 0.3, 0.4], logit, ..middle(&camera) };
         // Only this Gaussian's gradient: next to the others' it would be negligible.
         let alone = scene(&[blob]);
         let shot = check(&mut probe, &camera, &alone, &format!("logit {logit}"), 1e-4, 1e-5, 1e-4);
@@ -135,9 +128,8 @@ fn logits_to_100_either_way() {
 /// step of the logit.
 #[test]
 fn alpha_at_its_two_thresholds() {
-    let gpu = Gpu::new();
     let camera = usual();
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let mut probe = Probe::new(8, &camera, Setup::default());
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
     let logit = |alpha: f64| (alpha / (1.0 - alpha)).ln() as f32;
     for (threshold, what) in [(1.0 / 255.0, "1/255"), (0.99, "0.99")] {
@@ -173,16 +165,8 @@ fn alpha_at_its_two_thresholds() {
 /// Black from the only view: a loss that wants more red and less blue raises the red and leaves the blue.
 #[test]
 fn a_black_gaussian_learns_what_would_light_it() {
-    let gpu = Gpu::new();
-    let camera = usual();
-    let [near, far] = company(&camera);
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    let black = Blob {
-        mean: camera.unproject(36.4, 28.7, 4.0),
-        scale: [0.3; 3],
-        rgb: [-0.3, 0.0, -0.01],
-        ..Default::default()
-    };
+    let (camera, [near, far], mut probe) = stage(Setup::default());
+    let black = Blob { scale: [0.3; 3], rgb: [-0.3, 0.0, -0.01], ..middle(&camera) };
     let before = scene(&[near, black, far]);
     for (grad, raised) in [([-1.0, -0.5, 1.0], [true, true, false]), ([0.5, 1.0, -1.0], [false, false, true])] {
         let shot = probe.shoot(&before, &camera, &vec![grad; camera.pixels() as usize]);
@@ -195,9 +179,8 @@ fn a_black_gaussian_learns_what_would_light_it() {
 
 #[test]
 fn sh_coefficients_of_1e4() {
-    let gpu = Gpu::new();
     let camera = usual();
-    let mut probe = Probe::new(&gpu, 64, &camera, Setup { degree: 3, ..Default::default() });
+    let mut probe = Probe::new(64, &camera, Setup { degree: 3, ..Default::default() });
     for factor in [1e2f32, 1e4, -1e4] {
         let mut random = random_scene(5, 40, 12, 3);
         random
@@ -215,12 +198,8 @@ fn sh_coefficients_of_1e4() {
 
 #[test]
 fn betas_at_the_ends_of_their_ranges() {
-    let gpu = Gpu::new();
-    let camera = usual();
-    let [near, far] = company(&camera);
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup { degree: BETAS, ..Default::default() });
-    let blob =
-        Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let (camera, [near, far], mut probe) = stage(Setup { degree: BETAS, ..Default::default() });
+    let blob = Blob { scale: [0.5, 0.3, 0.4], logit: 2.0, ..middle(&camera) };
     let v = (blob.mean - camera.eye()).normalize();
     let (theta, phi) = (v.z.acos() as f32, v.y.atan2(v.x) as f32);
     for b in [-100.0, -1.387, -1.3, 0.0, 4.0, 6.999, 100.0f32] {
@@ -247,12 +226,8 @@ fn betas_at_the_ends_of_their_ranges() {
 
 #[test]
 fn lobes_at_the_ends_of_their_ranges() {
-    let gpu = Gpu::new();
-    let camera = usual();
-    let company = company(&camera);
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    let blob =
-        Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let (camera, company, mut probe) = stage(Setup::default());
+    let blob = Blob { scale: [0.5, 0.3, 0.4], logit: 2.0, ..middle(&camera) };
     let v = (camera.eye() - blob.mean).normalize();
     let across = v.any_orthonormal_vector();
     let at = |theta: f64, length: f64| ((v * theta.cos() + across * theta.sin()) * length).as_vec3().to_array();
@@ -341,11 +316,9 @@ fn lobes_at_the_ends_of_their_ranges() {
 /// A step of fixed length must not rotate a short direction arbitrarily, nor leave a long one unchanged.
 #[test]
 fn lobe_directions_of_any_length_turn_alike() {
-    let gpu = Gpu::new();
     let camera = usual();
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
-    let blob =
-        Blob { mean: camera.unproject(36.4, 28.7, 4.0), scale: [0.5, 0.3, 0.4], logit: 2.0, ..Default::default() };
+    let mut probe = Probe::new(8, &camera, Setup::default());
+    let blob = Blob { scale: [0.5, 0.3, 0.4], logit: 2.0, ..middle(&camera) };
     let v = (camera.eye() - blob.mean).normalize();
     let direction = v * 0.4f64.cos() + v.any_orthonormal_vector() * 0.4f64.sin();
     let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
@@ -366,9 +339,8 @@ fn lobe_directions_of_any_length_turn_alike() {
 /// θ is exactly 0: the quotient of two zeros needs its limit.
 #[test]
 fn a_lobe_seen_along_its_axis_learns() {
-    let gpu = Gpu::new();
     let camera = Camera { rotation: glam::DMat3::IDENTITY, translation: DVec3::ZERO, ..usual() };
-    let mut probe = Probe::new(&gpu, 8, &camera, Setup::default());
+    let mut probe = Probe::new(8, &camera, Setup::default());
     let blob = Blob { mean: DVec3::new(0.0, 0.0, 4.0), scale: [0.5, 0.3, 0.4], ..Default::default() };
     let before = with_lobes(&[], &[(blob, [0.0, 0.0, -1.0], 0.5, 0.5)]);
     let twin = probe.twin(&before, &camera, 1e-4);

@@ -18,21 +18,26 @@ use super::{
     scattered, usual,
 };
 
-/// Result of 500 training steps.
+/// Result of training.
 struct Trained {
     start: f64,
     end: f64,
     scene: Scene,
 }
 
-const STEPS: u32 = 500;
-
-fn train(gpu: &Gpu, cameras: &[Camera], photographs: &[Vec<u8>], scene: &Scene, origin: DVec3) -> Trained {
+/// Trains this scene for `iterations` steps.
+fn train(
+    gpu: &Gpu,
+    (cameras, photographs): (&[Camera], &[Vec<u8>]),
+    scene: &Scene,
+    origin: DVec3,
+    iterations: u32,
+) -> Trained {
     let images: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let views = Views::upload_around(gpu, origin, cameras, &images).unwrap();
     let model = Model::upload_around(gpu, origin, scene, Room::default()).unwrap();
     let session = Session { background: BACKGROUND, extent: 2.0, seed: 7, ..session(gpu) };
-    let options = BaseOptions { iterations: STEPS, sh_degree: 0, ..Default::default() };
+    let options = BaseOptions { iterations, sh_degree: 0, ..Default::default() };
     let report = train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
     assert!(report.losses.iter().all(|l| l.is_finite()));
     let mean = |l: &[f32]| l.iter().map(|&l| f64::from(l)).sum::<f64>() / l.len() as f64;
@@ -79,15 +84,14 @@ fn photographed(gpu: &Gpu, offset: DVec3) -> (Vec<Camera>, Vec<Vec<u8>>, Vec<Blo
     (cameras, photographs, truth)
 }
 
-/// In 500 steps no parameter moves further than Newton's bound: 3 rates per step; rates are higher in shorter
-/// runs.
-fn assert_bounded(before: &Scene, after: &Scene, what: &str) {
+/// No parameter moves further than Newton's bound: 3 rates per step; rates are higher in shorter runs.
+fn assert_bounded(before: &Scene, after: &Scene, iterations: u32, what: &str) {
     let g = (&before.base, &after.base);
     let far = |a: &[[f32; 3]], b: &[[f32; 3]]| {
         a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
     };
-    let shorter = (30_000.0 / f64::from(STEPS)).powf(0.2);
-    let steps = f64::from(STEPS) * 3.0 * shorter;
+    let shorter = (30_000.0 / f64::from(iterations)).powf(0.2);
+    let steps = f64::from(iterations) * 3.0 * shorter;
     assert!(far(&g.0.log_scales, &g.1.log_scales) <= steps * 5e-3, "{what}");
     assert!(far(&g.0.sh, &g.1.sh) <= steps * 2.5e-3, "{what}");
     // The position's rate starts at twice 1.6e-4 × extent; float32 has steps of 0.06 at 1e6.
@@ -141,7 +145,7 @@ fn stiff_problems_train_without_divergence() {
         let start = scene(&blobs);
         // Squares of gradients by parameter, as estimated by a probe, stand for the Hessian's diagonal.
         // Quaternions are left out, as their gradients have an arbitrary scale.
-        let mut probe = Probe::new(&gpu, 150, &cameras[0], Setup::default());
+        let mut probe = Probe::new(150, &cameras[0], Setup::default());
         let image_grad: Vec<_> = (0..cameras[0].pixels() as usize).map(ripple).collect();
         let g = probe.shoot(&start, &cameras[0], &image_grad).gradients;
         let turns = layout::QUAT..layout::QUAT + 4;
@@ -149,10 +153,10 @@ fn stiff_problems_train_without_divergence() {
             g.geometry.chunks(g.stride).enumerate().filter(|(p, _)| !turns.contains(p)).flat_map(|(_, plane)| plane);
         let squares: Vec<f64> = kept.filter(|g| **g != 0.0).map(|g| g * g).collect();
         let span = squares.iter().copied().fold(0.0, f64::max) / squares.iter().copied().fold(f64::INFINITY, f64::min);
-        let trained = train(&gpu, &cameras, &photographs, &start, DVec3::ZERO);
+        let trained = train(&gpu, (&cameras, &photographs), &start, DVec3::ZERO, 200);
         println!("{what}: curvatures span {span:.0e}; loss {:.4} → {:.4}", trained.start, trained.end);
         assert!((span > 1e10 || what == "ordinary") && trained.end < trained.start, "{what}");
-        assert_bounded(&start, &trained.scene, what);
+        assert_bounded(&start, &trained.scene, 200, what);
     }
 }
 
@@ -167,10 +171,10 @@ fn a_scene_far_from_its_origin_trains_as_it_does_at_home() {
         let grey: Vec<Blob> =
             truth.iter().map(|b| Blob { mean: b.mean + DVec3::new(0.25, 0.0, 0.0), rgb: [0.5; 3], ..*b }).collect();
         let origin = if recentred { glint::pipelines::views::origin_for(&cameras) } else { DVec3::ZERO };
-        let trained = train(&gpu, &cameras, &photographs, &scene(&grey), origin);
+        let trained = train(&gpu, (&cameras, &photographs), &scene(&grey), origin, 500);
         println!("{offset}: loss {:.5} → {:.5} counted from {origin:.0}", trained.start, trained.end);
         if recentred {
-            assert_bounded(&scene(&grey), &trained.scene, "far");
+            assert_bounded(&scene(&grey), &trained.scene, 500, "far");
         }
         (trained.start, trained.end)
     };

@@ -13,12 +13,8 @@ fn with_floater(count: usize, at: [f32; 3]) -> Scene {
     scene
 }
 
-/// Writes and reads the scene; returns the result, and the notes of writing.
 fn converted(scene: &Scene, format: SceneFormat) -> (SceneFile, Vec<String>) {
-    let folder = tempfile::tempdir().unwrap();
-    let path = named(folder.path(), "a", format);
-    let notes = write_scene_as(&path, format, &scene.clone().into()).unwrap();
-    (read_scene_file(&path).unwrap(), notes)
+    kept(&scene.clone().into(), format)
 }
 
 /// The largest distance of a mean (except Gaussian `but`) to the nearest one read.

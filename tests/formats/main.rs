@@ -17,6 +17,7 @@ mod usd;
 
 use std::{
     fs,
+    io::{Cursor, Write},
     path::{Path, PathBuf},
 };
 
@@ -29,6 +30,7 @@ use glint::{
     scene::{Gaussians, Scene},
 };
 use shared::shared;
+use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 /// Gaussians like those of a trained scene, without a supplement.
 fn sample(seed: u64, count: usize, sh_degree: u32) -> Scene {
@@ -60,6 +62,24 @@ fn round_trip(scene: &Scene, ending: &str) -> (Scene, Vec<u8>) {
     let path = folder.path().join(format!("scene.{ending}"));
     write_scene_file(&path, &SceneFile::from(scene.clone())).unwrap();
     (read_scene(&path).unwrap(), fs::read(&path).unwrap())
+}
+
+/// Writes and reads a file; returns the result, and the notes of writing.
+fn kept(file: &SceneFile, format: SceneFormat) -> (SceneFile, Vec<String>) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = named(folder.path(), "a", format);
+    let notes = write_scene_as(&path, format, file).unwrap();
+    (read_scene_file(&path).unwrap(), notes)
+}
+
+/// An archive of compressed files.
+fn archive(files: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, bytes) in files {
+        zip.start_file(*name, SimpleFileOptions::default().compression_method(CompressionMethod::Deflated)).unwrap();
+        zip.write_all(bytes).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
 }
 
 /// Reads these bytes under this name.
@@ -179,7 +199,6 @@ fn a_name_says_what_is_written_and_others_are_refused() {
 /// Formats keep the training settings, or a note names the missing ones.
 #[test]
 fn what_a_scene_was_trained_with_is_kept_or_missed() {
-    let folder = tempfile::tempdir().unwrap();
     let trained_with = TrainedWith {
         background: Some([1.0, 0.5, 0.0]),
         antialiased: Some(true),
@@ -190,10 +209,9 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
     for &format in SceneFormat::ALL {
         let ending = format.ending;
         for supplementary in if format.keeps_lobes { &[0, 3][..] } else { &[0] } {
-            let path = named(folder.path(), &format!("a{supplementary}"), format);
-            let file = SceneFile { trained_with, ..random_scene(1, 20, *supplementary, 1).into() };
-            let notes = write_scene_as(&path, format, &file).unwrap();
-            let (found, said) = (read_scene_file(&path).unwrap().trained_with, notes.join("; "));
+            let (back, notes) =
+                kept(&SceneFile { trained_with, ..random_scene(1, 20, *supplementary, 1).into() }, format);
+            let (found, said) = (back.trained_with, notes.join("; "));
             match ending {
                 "rad" | "splat" => {
                     assert_eq!(found, TrainedWith::default());
@@ -204,10 +222,9 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
         }
         // Missing defaults need no note.
         let plain = TrainedWith { background: Some([0.0; 3]), antialiased: Some(false), ..Default::default() };
-        let file = SceneFile { trained_with: plain, ..sample(1, 20, 1).into() };
-        let path = named(folder.path(), "b", format);
-        assert_eq!(write_scene_as(&path, format, &file).unwrap(), [""; 0], "{ending}");
-        let found = read_scene_file(&path).unwrap().trained_with;
+        let (back, notes) = kept(&SceneFile { trained_with: plain, ..sample(1, 20, 1).into() }, format);
+        assert_eq!(notes, [""; 0], "{ending}");
+        let found = back.trained_with;
         assert!(found == if format.keeps_origin { plain } else { TrainedWith::default() }, "{ending}: {found:?}");
     }
 }

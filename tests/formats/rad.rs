@@ -166,13 +166,6 @@ fn a_tree_holds_the_scene_in_its_leaves() {
 }
 
 #[test]
-fn scenes_of_one_and_none_are_files() {
-    for count in [0, 1, 2] {
-        assert_eq!(round_trip(&sample(4, count, 0), "rad").0.base.len(), count);
-    }
-}
-
-#[test]
 fn damaged_files_are_refused() {
     let bytes = round_trip(&sample(5, 12, 1), "rad").1;
     // The last bytes pad the last property.

@@ -7,25 +7,8 @@ use serde_json::{Value, json};
 
 use super::*;
 
-/// A ZIP archive of stored files, by APPNOTE.TXT of PKWARE.
 fn zip(files: &BTreeMap<String, Vec<u8>>) -> Vec<u8> {
-    let (mut out, mut directory) = (Vec::new(), Vec::new());
-    for (name, bytes) in files {
-        let offset = out.len() as u32;
-        let size = bytes.len() as u32;
-        let mut fields = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-        fields.extend(crc32fast::hash(bytes).to_le_bytes());
-        fields.extend([size, size].iter().flat_map(|v| v.to_le_bytes()));
-        fields.extend((name.len() as u16).to_le_bytes());
-        fields.extend([0, 0]);
-        out.extend([&b"PK\x03\x04"[..], &fields, name.as_bytes(), bytes].concat());
-        directory
-            .extend([&b"PK\x01\x02"[..], &[20, 0], &fields, &[0; 10], &offset.to_le_bytes(), name.as_bytes()].concat());
-    }
-    let count = (files.len() as u16).to_le_bytes();
-    let (size, offset) = (directory.len() as u32, out.len() as u32);
-    let end = [&[0; 4][..], &count, &count, &size.to_le_bytes(), &offset.to_le_bytes(), &[0; 2]].concat();
-    [&out[..], &directory, b"PK\x05\x06", &end].concat()
+    archive(&files.iter().map(|(name, bytes)| (&name[..], &bytes[..])).collect::<Vec<_>>())
 }
 
 fn webp(width: u32, pixels: &[[u8; 4]]) -> Vec<u8> {

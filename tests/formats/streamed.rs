@@ -31,9 +31,9 @@ fn leaves<'a>(node: &'a Value, out: &mut Vec<&'a Value>) {
 #[test]
 fn leaves_name_their_gaussians_at_each_level() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = cube(100_000);
+    let scene = cube(70_000);
     let (path, index) = write(folder.path(), &scene, 3);
-    assert_eq!((&index["counts"], &index["lodLevels"]), (&json!([100_000, 50_000, 25_000]), &json!(3)));
+    assert_eq!((&index["counts"], &index["lodLevels"]), (&json!([70_000, 35_000, 17_500]), &json!(3)));
     let mut found = Vec::new();
     leaves(&index["tree"], &mut found);
     // Cut in half once, so that no leaf has more than 65,536.

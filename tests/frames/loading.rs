@@ -2,38 +2,6 @@
 
 use super::*;
 
-#[test]
-fn a_scene_loads_in_the_callers_commands_and_submits_nothing() {
-    let gpu = Gpu::new();
-    let (scene, camera) = (random_scene(7, 600, 150, 3), random_camera(61, 47));
-    let want = rendered(&gpu, &scene, &camera);
-    let engine = Engine::new(&gpu, 1);
-    let before = gpu.counters().submissions;
-    // Prepared on another thread.
-    let upload = std::thread::scope(|s| {
-        let prepare =
-            || Upload::prepare(&gpu, DVec3::ZERO, &scene, model::Room { page: Some(97), ..Default::default() });
-        s.spawn(prepare).join().unwrap().unwrap()
-    });
-    let mut kept = Kept::default();
-    engine.run(|commands| {
-        let mut recorder = unsafe { Recorder::borrow(&gpu, commands, Kept::default()) };
-        upload.record(&mut recorder).unwrap();
-        kept = recorder.finish();
-    });
-    assert!(!kept.is_empty());
-    assert_eq!(gpu.counters().submissions, before);
-    let model = upload.finish().unwrap();
-    let mut frames = Frames::new(&gpu, wide(Limits::of(&model, 61, 47))).unwrap();
-    let float = Float::new(&gpu, camera.pixels());
-    let view = FrameView { color: Some(float.target(Blend::Opaque(GREY))), ..FrameView::new(camera) };
-    let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
-    engine.run(|commands| unsafe { frames.record(commands, &frame) }.unwrap());
-    assert!(float.pixels().iter().zip(&want).all(|(g, w)| g[..3] == w[..3]));
-    let back = model.download().unwrap();
-    assert_eq!((back.base.means, back.base.sh), (scene.base.means, scene.base.sh));
-}
-
 /// Its counts and dispatches would be uninitialised: a frame might never end.
 #[test]
 fn an_upload_that_was_not_recorded_is_no_model() {
@@ -62,7 +30,8 @@ fn scenes_load_in_one_thread_while_another_draws() {
     let gpu = Gpu::new();
     let camera = random_camera(48, 40);
     let scenes: Vec<Scene> = (0..4).map(|seed| random_scene(30 + seed, 250, 60, 1)).collect();
-    let first = Model::upload(&gpu, &scenes[0], 0).unwrap();
+    let pages = model::Room { page: Some(97), ..Default::default() };
+    let first = Model::upload_around(&gpu, DVec3::ZERO, &scenes[0], pages).unwrap();
     let mut frames = Frames::new(&gpu, Limits { in_flight: 3, ..wide(Limits::of(&first, 48, 40)) }).unwrap();
     // Slot k shows the scene that was current when it was last recorded.
     let targets = [0, 1, 2].map(|_| Float::new(&gpu, 48 * 40));
@@ -83,7 +52,7 @@ fn scenes_load_in_one_thread_while_another_draws() {
                     }
                 };
                 next_frame();
-                let upload = Upload::prepare(&gpu, DVec3::ZERO, scene, model::Room::default()).unwrap();
+                let upload = Upload::prepare(&gpu, DVec3::ZERO, scene, pages).unwrap();
                 next_frame();
                 let mut kept = Kept::default();
                 engine.run(|commands| {

@@ -1,5 +1,4 @@
-//! Compares the twins' gradients with central differences of the whole chain project → … → blend, and checks
-//! properties of any renderer of this method. Runs on the CPU alone.
+//! Compares the twins' gradients with central differences of the whole chain project → … → blend. Runs on the CPU alone.
 
 use glint::{
     reference::{
@@ -9,12 +8,10 @@ use glint::{
         random_camera, random_scene, render,
     },
     scene::{
-        Camera,
         color::BETAS,
-        layout::{Array, GEOMETRY_PLANES, LOBE_PLANES, LOG_SCALE, MEAN, OPACITY, QUAT, groups},
+        layout::{Array, LOG_SCALE, OPACITY, groups},
     },
 };
-use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -194,16 +191,14 @@ fn check(problem: &Problem, seen: &mut Seen) {
 
 #[test]
 fn every_gradient_is_the_central_difference() {
-    let tiles = [(16, 16), (8, 8), (7, 3), (16, 4)];
+    let tiles = [(16, 16), (8, 8), (7, 3), (16, 4), (5, 7)];
     let mut seen = Seen::default();
     for (n, (tile_width, tile_height)) in tiles.into_iter().enumerate() {
-        for compensate in [false, true] {
-            let options = Options { compensate, tile_width, tile_height, ..Default::default() };
-            let problem = Problem::new(40 + 2 * n as u64 + compensate as u64, 24, 16, options);
-            check(&problem, &mut seen);
-            // Large and opaque: some reach in from far outside the image, α is clamped, pixels stop early.
-            check(&problem.grown(2.3, 5.0), &mut seen);
-        }
+        let options = Options { compensate: n % 2 == 1, tile_width, tile_height, ..Default::default() };
+        let problem = Problem::new(40 + n as u64, 24, 16, options);
+        check(&problem, &mut seen);
+        // Large and opaque: some reach in from far outside the image, α is clamped, pixels stop early.
+        check(&problem.grown(2.3, 5.0), &mut seen);
     }
     println!("{seen:?}");
     assert!(seen.skipped * 50 < seen.tested, "too many parameters at a threshold: {seen:?}");
@@ -215,7 +210,7 @@ fn every_gradient_is_the_central_difference() {
 #[test]
 fn gradients_of_betas_are_central_differences() {
     let mut seen = Seen::default();
-    for seed in 120..124 {
+    for seed in 120..122 {
         let options = Options { active_degree: BETAS, ..Default::default() };
         let problem = Problem::of(seed, 24, 16, BETAS, options);
         check(&problem, &mut seen);
@@ -283,150 +278,6 @@ fn coefficients_beyond_the_active_degree_neither_shine_nor_learn() {
         let mut dark = problem.params.clone();
         dark.sh[first..].fill(0.0);
         assert_eq!(problem.render(&dark).blended, base.blended);
-    }
-}
-
-/// Needles along the axis of a camera with short numbers: their positions in the picture are exact, so a crop
-/// must equal it bit for bit. The crop's principal point is 32 pixels to its left; a clamp about that would
-/// bend all needles.
-#[test]
-fn a_crop_is_the_crop_of_the_whole_picture_bit_for_bit() {
-    let (width, height, n) = (128, 96, 60);
-    let mut params = Params::zeros(n, n, 0);
-    for i in 0..n {
-        let z = [2.0, 4.0, 8.0][i % 3];
-        let (x, y) = (100.0 + (i * 7 % 97) as f64 / 4.0, 36.0 + (i * 5 % 89) as f64 / 4.0);
-        let mean = [(x - 64.0) / 64.0 * z, (y - 48.0) / 64.0 * z, z];
-        let values = [&mean[..], &[1.0, 0.0, 0.0, 0.0], &[-3.0, -3.5, -1.0], &[2.0]];
-        for (first, values) in [MEAN, QUAT, LOG_SCALE, OPACITY].into_iter().zip(values) {
-            values.iter().enumerate().for_each(|(c, &v)| params.geometry[(first + c) * n + i] = v);
-        }
-        (0..3).for_each(|c| params.sh[c * n + i] = (i * (c + 2) % 13) as f64 / 8.0 - 0.75);
-    }
-    let whole = Camera::new(width, height, 64.0);
-    let image = |camera: &Camera| {
-        let view = View::from_camera(camera);
-        render(&params, &view, &Options::default(), Background::Color([0.25; 3])).blended.image
-    };
-    let all = image(&whole);
-    for (x, y, w, h) in [(96, 32, 32, 32), (64, 0, 64, 96), (96, 16, 24, 72)] {
-        let crop = Camera { width: w, height: h, cx: 64.0 - f64::from(x), cy: 48.0 - f64::from(y), ..whole };
-        let want: Vec<_> = (0..h).flat_map(|r| (0..w).map(move |c| ((y + r) * width + x + c) as usize)).collect();
-        assert_eq!(image(&crop), want.iter().map(|&at| all[at]).collect::<Vec<_>>(), "{w} × {h} at {x}, {y}");
-        assert!(want.iter().filter(|&&at| all[at][3] < 0.9).count() > 100);
-    }
-}
-
-/// Copies Gaussian `from[i]` to i; must not mix base and supplement.
-fn permuted(params: &Params, from: &[usize]) -> Params {
-    let mut out = params.clone();
-    for (i, &source) in from.iter().enumerate() {
-        for (to, planes) in [(&mut out.geometry, &params.geometry), (&mut out.sh, &params.sh)] {
-            for p in 0..planes.len() / params.stride {
-                to[p * params.stride + i] = planes[p * params.stride + source];
-            }
-        }
-        if let (Some(j), Some(source)) = (i.checked_sub(params.lobe_first), source.checked_sub(params.lobe_first)) {
-            for p in 0..LOBE_PLANES {
-                out.lobes[p * params.lobe_stride + j] = params.lobes[p * params.lobe_stride + source];
-            }
-        }
-    }
-    out
-}
-
-/// Without ties in z the order of blending is the same, and therefore every bit.
-#[test]
-fn the_order_in_which_gaussians_are_stored_changes_nothing() {
-    let problem = Problem::new(70, 400, 150, Options::default());
-    let mut rng = ChaCha8Rng::seed_from_u64(71);
-    let mut from: Vec<usize> = (0..problem.params.count).collect();
-    let (base_part, supplement_part) = from.split_at_mut(problem.params.lobe_first);
-    base_part.shuffle(&mut rng);
-    supplement_part.shuffle(&mut rng);
-    let shuffled = permuted(&problem.params, &from);
-    let (before, after) = (problem.render(&problem.params), problem.render(&shuffled));
-    assert_eq!(before.blended.image, after.blended.image);
-    let before = before.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
-    let after = after.backward(&shuffled, &problem.view, &problem.options, &problem.weights);
-    assert_eq!(permuted(&before.params, &from), after.params);
-}
-
-/// Three opaque walls close to the camera: two reduce the transmittance to 1e-4, every pixel stops at the
-/// third at the latest.
-#[test]
-fn what_is_hidden_changes_nothing_and_learns_nothing() {
-    let mut problem = Problem::new(80, 203, 50, Options::default());
-    let camera = random_camera(WIDTH, HEIGHT);
-    let (stride, coefficients) = (problem.params.stride, 3 * problem.params.sh_coefficients());
-    for i in 0..3 {
-        let mean = camera.unproject(camera.cx, camera.cy, 0.25 + 0.01 * i as f64).to_array();
-        for (first, values) in
-            [(MEAN, &mean[..]), (LOG_SCALE, &[3.0; 3]), (QUAT, &[1.0, 0.0, 0.0, 0.0]), (OPACITY, &[9.0])]
-        {
-            values.iter().enumerate().for_each(|(c, &v)| problem.params.geometry[(first + c) * stride + i] = v);
-        }
-        for p in 0..coefficients {
-            problem.params.sh[p * stride + i] = if p < 3 { 0.3 * p as f64 } else { 0.0 };
-        }
-    }
-    let full = problem.render(&problem.params);
-    let mut walls = problem.params.clone();
-    walls.geometry[OPACITY * stride..(OPACITY + 1) * stride][3..].fill(-20.0);
-    let bare = problem.render(&walls);
-    // Different Gaussians may stop a pixel, but its color is the same.
-    assert_eq!(full.blended.image, bare.blended.image);
-    assert_eq!(full.blended.median, bare.blended.median);
-    assert!(full.isects.isect_slots.len() > bare.isects.isect_slots.len() + 100);
-    let gradients = full.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
-    for i in 3..problem.params.count {
-        assert!(!gradients.touched[i] && gradients.records[i] == [0.0; 9], "Gaussian {i}");
-    }
-}
-
-#[test]
-fn gaussians_that_are_not_visible_can_be_left_out() {
-    let problem = Problem::new(90, 500, 200, Options::default());
-    let full = problem.render(&problem.params);
-    let visible: Vec<usize> = (0..problem.params.count).filter(|&i| full.projected.tile_counts[i] > 0).collect();
-    assert!(visible.len() < problem.params.count - 50);
-    let lobe_first = visible.iter().filter(|&&i| i < problem.params.lobe_first).count();
-    let mut fewer = Params::zeros(visible.len(), lobe_first, problem.params.sh_degree);
-    for (i, &source) in visible.iter().enumerate() {
-        for p in 0..GEOMETRY_PLANES {
-            fewer.geometry[p * fewer.stride + i] = problem.params.geometry[p * problem.params.stride + source];
-        }
-        for p in 0..3 * fewer.sh_coefficients() {
-            fewer.sh[p * fewer.stride + i] = problem.params.sh[p * problem.params.stride + source];
-        }
-        if i >= lobe_first {
-            for p in 0..LOBE_PLANES {
-                fewer.lobes[p * fewer.lobe_stride + i - lobe_first] =
-                    problem.params.lobes[p * problem.params.lobe_stride + source - problem.params.lobe_first];
-            }
-        }
-    }
-    assert_eq!(problem.render(&fewer).blended.image, full.blended.image);
-}
-
-/// The image is equal to the last bit, gradients up to the order of summing tiles.
-#[test]
-fn the_tile_size_changes_nothing() {
-    let mut problem = Problem::new(100, 400, 150, Options::default()).grown(0.5, 0.0);
-    let base = problem.render(&problem.params);
-    let gradients = base.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
-    for (tile_width, tile_height) in [(8, 8), (16, 8), (1, 1), (5, 7), (64, 64), (0, 16)] {
-        problem.options = Options { tile_width, tile_height, ..Default::default() };
-        let other = problem.render(&problem.params);
-        assert_eq!(base.blended.image, other.blended.image);
-        assert_eq!(base.blended.median, other.blended.median);
-        assert_eq!(base.blended.decisions, other.blended.decisions);
-        let other = other.backward(&problem.params, &problem.view, &problem.options, &problem.weights);
-        assert_eq!(gradients.touched, other.touched);
-        let arrays = |p: &Params| [p.geometry.clone(), p.sh.clone(), p.lobes.clone()].concat();
-        for (a, b) in arrays(&gradients.params).into_iter().zip(arrays(&other.params)) {
-            assert!((a - b).abs() <= 1e-11 * (1.0 + a.abs()), "{a} {b}");
-        }
     }
 }
 

@@ -12,7 +12,7 @@ use glint::{
 
 use super::{
     common::Gpu,
-    probe::{Blob, Probe, Setup, camera_at, distance, ripple, scene},
+    probe::{Blob, Probe, Setup, camera_at, distance, scene},
 };
 
 /// The smallest number of intersections whose records exceed the device's limit for one buffer.
@@ -60,24 +60,6 @@ fn atomics_take_over_where_records_are_beyond_the_memory_budget() {
         Ok(raster) => assert!(gpu.info().float_atomics && raster.by_gaussian()),
         Err(e) => assert!(!gpu.info().float_atomics && e.is_no_room(), "{e}"),
     }
-}
-
-/// Plans give sizes in advance: the difference to the buffers' real memory does not depend on the number of
-/// elements.
-#[test]
-fn a_plan_is_what_buffers_take() {
-    let gpu = Gpu::new();
-    let rest = |isects: u32, pixels: u32| {
-        let options = RasterOptions { pixels, splats: 3 * pixels, ..options(isects, Reduction::Deterministic) };
-        let (plan, before) = (Raster::plan(&options), gpu.memory().used);
-        let raster = Raster::new(&gpu, options).unwrap();
-        let used = gpu.memory().used - before;
-        assert!(plan.to_string().lines().last().unwrap().ends_with(&plan.bytes().to_string()), "{plan}");
-        drop(raster);
-        used - plan.bytes()
-    };
-    let [little, much] = [rest(1000, 64), rest(1_000_000, 640_000)];
-    assert!(little == much && little < 1 << 16, "{little} and {much} bytes");
 }
 
 /// Growth holds at most the old buffers and one new one. Without room for that, even for the required size
@@ -160,7 +142,7 @@ fn float_atomics_give_the_twins_gradients() {
     for (seed, base, supplement, degree, compensate) in [(11, 600, 300, 3, false), (12, 800, 0, 1, true)] {
         let scene = random_scene(seed, base, supplement, degree);
         let setup = Setup { degree, compensate, reduction: Reduction::Atomic, ..Default::default() };
-        let mut probe = Probe::new(&gpu, (base + supplement) as u32, &camera, setup);
+        let mut probe = Probe::new((base + supplement) as u32, &camera, setup);
         let twin = probe.twin(&scene, &camera, 1e-4);
         // Twice: sums must start at 0 again.
         for _ in 0..2 {
@@ -174,8 +156,8 @@ fn float_atomics_give_the_twins_gradients() {
     }
 }
 
-/// Eight Gaussians, each with the same term from all of 129,600 tiles. Summed one by one, n such terms lose
-/// up to half a unit in the last place of the sum each: n · 2⁻²⁵ of it, 4e-3. Deterministic sums, in parts
+/// Eight Gaussians, each with the same term from all of 32,400 tiles. Summed one by one, n such terms lose
+/// up to half a unit in the last place of the sum each: n · 2⁻²⁵ of it, 1e-3. Deterministic sums, in parts
 /// and compensated, lose 5e-6 (`tests/extremes/`).
 #[test]
 fn float_atomics_lose_digits_where_one_gaussian_fills_a_large_image() {
@@ -183,12 +165,12 @@ fn float_atomics_lose_digits_where_one_gaussian_fills_a_large_image() {
     if !has_atomics(&gpu) {
         return;
     }
-    let camera = camera_at(DVec3::ZERO, 3840, 2160);
+    let camera = camera_at(DVec3::ZERO, 1920, 1080);
     let blobs: Vec<Blob> = (0..8)
         .map(|i| {
             let z = 3.0 + f64::from(i);
             Blob {
-                mean: camera.unproject(1920.0, 1080.0, z),
+                mean: camera.unproject(960.0, 540.0, z),
                 scale: [3e6 * z / camera.fx; 3],
                 logit: -2.0,
                 ..Default::default()
@@ -196,12 +178,12 @@ fn float_atomics_lose_digits_where_one_gaussian_fills_a_large_image() {
         })
         .collect();
     let gradients = [Reduction::Deterministic, Reduction::Atomic].map(|reduction| {
-        let mut probe = Probe::new(&gpu, 8, &camera, Setup { reduction, ..Default::default() });
+        let mut probe = Probe::new(8, &camera, Setup { reduction, ..Default::default() });
         let ones = vec![[1.0, 0.5, 0.25]; camera.pixels() as usize];
         probe.shoot(&scene(&blobs), &camera, &ones).gradients.sh
     });
     for (fixed, atomic) in gradients[0].iter().zip(&gradients[1]) {
-        assert!(*fixed > 1e4 && (atomic / fixed - 1.0).abs() < 4e-3, "{atomic} for {fixed}");
+        assert!(*fixed > 1e3 && (atomic / fixed - 1.0).abs() < 1e-3, "{atomic} for {fixed}");
     }
 }
 
@@ -220,8 +202,7 @@ fn atomics_take_over_where_records_find_no_room_and_not_where_bits_are_promised(
     // As in training, between two steps when the buffers grow.
     let camera = camera_at(DVec3::ZERO, 80, 60);
     let scene = random_scene(14, 400, 200, 1);
-    let mut probe =
-        Probe::new(&gpu, 600, &camera, Setup { degree: 1, reduction: Reduction::Auto, ..Default::default() });
+    let mut probe = Probe::new(600, &camera, Setup { degree: 1, reduction: Reduction::Auto, ..Default::default() });
     let twin = probe.twin(&scene, &camera, 1e-4);
     for by_gaussian in [false, true] {
         if by_gaussian {
@@ -231,27 +212,4 @@ fn atomics_take_over_where_records_find_no_room_and_not_where_bits_are_promised(
         let shot = probe.shoot(&scene, &camera, &twin.image_grad);
         assert!(distance(&shot, &twin).worst() <= 1e-4);
     }
-}
-
-/// A NaN Gaussian is in no pixel, so it adds to no sum; the bitwise test in `tests/extremes/` needs the
-/// deterministic reduction.
-#[test]
-fn float_atomics_keep_nan_apart() {
-    let gpu = Gpu::new();
-    if !has_atomics(&gpu) {
-        return;
-    }
-    let camera = camera_at(DVec3::ZERO, 80, 60);
-    let image_grad: Vec<_> = (0..camera.pixels() as usize).map(ripple).collect();
-    let mut scene = random_scene(15, 300, 0, 1);
-    let setup = Setup { degree: 1, reduction: Reduction::Atomic, ..Default::default() };
-    let mut probe = Probe::new(&gpu, 300, &camera, setup);
-    let clean = probe.shoot(&scene, &camera, &image_grad);
-    let most = (0..300).max_by_key(|&i| clean.tile_counts[i]).unwrap();
-    scene.base.means[most][1] = f32::NAN;
-    let poisoned = probe.shoot(&scene, &camera, &image_grad);
-    assert!(clean.tile_counts[most] > 4 && poisoned.tile_counts[most] == 0);
-    let g = &poisoned.gradients;
-    assert!(g.geometry.iter().chain(&g.sh).all(|v| v.is_finite()));
-    assert!((0..11).all(|p| g.geometry[p * g.stride + most] == 0.0));
 }

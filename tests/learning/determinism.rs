@@ -19,7 +19,7 @@ use glint::{
 use super::{
     bits, built,
     common::{Gpu, session},
-    quarter,
+    put_before, quarter,
 };
 
 fn trained(session: &Session, views: &Views, start: &Scene) -> (Vec<u64>, Vec<u32>, Scene) {
@@ -71,10 +71,7 @@ fn a_loop_goes_on_from_a_checkpoint_to_the_same_bits() {
     let views = Views::upload(&gpu, &cameras, &photos.iter().map(|p| &p[..]).collect::<Vec<_>>()).unwrap();
     let mut scene = random_scene(3, 500, 300, 1);
     for part in [&mut scene.base, &mut scene.supplement.as_mut().unwrap().gaussians] {
-        for (k, mean) in part.means.iter_mut().enumerate() {
-            let (x, y) = ((k * 37 % 32) as f64, (k * 59 % 32) as f64);
-            *mean = cameras[0].unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
-        }
+        put_before(&cameras[0], &mut part.means);
     }
     let session = Session { background: built.background, extent: 2.0, ..session(&gpu) };
     let options = JoinOptions { steps_per_view: 20, bias_correction: true, ..Default::default() };

@@ -40,6 +40,15 @@ fn quarter(photo: &BuiltinPhoto) -> (Camera, Vec<u8>) {
     (camera, pixels.collect())
 }
 
+/// Puts Gaussians all over a camera's picture, wherever they were.
+fn put_before(camera: &Camera, means: &mut [[f32; 3]]) {
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    for (k, mean) in means.iter_mut().enumerate() {
+        let (x, y) = ((k * 37 % width) as f64, (k * 59 % height) as f64);
+        *mean = camera.unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
+    }
+}
+
 /// Every float as its bits: distinguishes 0 from −0, and NaN equals itself.
 fn bits(scene: &Scene) -> Vec<u64> {
     let p = Params::from_scene(scene).unwrap();

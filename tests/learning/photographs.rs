@@ -17,9 +17,10 @@ use glint::{
 use super::{
     bits,
     common::{Gpu, session},
+    put_before,
 };
 
-const PHOTOS: u32 = 120;
+const PHOTOS: u32 = 90;
 const VIEWS_PER_STEP: u32 = 2;
 
 const GAUSSIANS: usize = 200;
@@ -42,10 +43,7 @@ fn trained(storage: Storage, host: bool) -> (Vec<u64>, Vec<u32>, Memory) {
         assert!(views.download_photograph(v).unwrap() == packed, "view {v}");
     }
     let mut scene = random_scene(5, GAUSSIANS, 0, 0);
-    for (k, mean) in scene.base.means.iter_mut().enumerate() {
-        let (x, y) = ((k * 37 % 40) as f64, (k * 59 % 30) as f64);
-        *mean = cameras[0].unproject(x, y, 2.0 + 0.01 * (k % 100) as f64).as_vec3().to_array();
-    }
+    put_before(&cameras[0], &mut scene.base.means);
     let room = Room { host, ..Default::default() };
     let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).unwrap();
     let rates = Rates { mean: 1e-3, log_scale: 5e-3, quat: 1e-3, opacity: 0.025, dc: 2.5e-3, ..Default::default() };
@@ -69,7 +67,7 @@ fn training_gives_the_same_bits_wherever_photographs_and_gaussians_lie() {
         let in_file = matches!(storage, Storage::File(..));
         let (other_scene, other_losses, memory) = trained(storage, host);
         assert!(other_scene == scene && other_losses == losses, "photographs in a file: {in_file}, host: {host}");
-        // 240 photographs on the device, or a slot and, in host memory, those of two submissions of up to 16 steps. A CPU
+        // 180 photographs on the device, or a slot and, in host memory, those of two submissions of up to 16 steps. A CPU
         // device has one memory for both.
         assert!(!in_file || memory.used < all.used, "{memory:?}, {all:?} on the device");
         // Constant colors and all moments of Adam's steps; accumulated gradients add to them.

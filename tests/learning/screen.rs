@@ -194,11 +194,6 @@ fn wall() -> Gaussians {
 }
 
 /// A wall of a few wide Gaussians, and photographs of it with stripes that the wall lacks.
-fn striped_wall(views: usize) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
-    striped(views, 180, 160)
-}
-
-/// [`striped_wall`] at this size.
 fn striped(views: usize, width: u32, height: u32) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
     let camera = |v: usize| Camera {
         width,
@@ -236,7 +231,7 @@ fn refine(
     isects: Option<u32>,
     go_on: bool,
 ) -> (Vec<ScreenGaussian>, Refined) {
-    let (mut scene, cameras, photographs) = striped_wall(views);
+    let (mut scene, cameras, photographs) = striped(views, 180, 160);
     let photographs: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let views = Views::upload(gpu, &cameras, &photographs).unwrap();
     let model = Model::upload(gpu, &scene, 0).unwrap();
@@ -341,7 +336,7 @@ fn batches_come_one_after_the_other() {
 #[test]
 fn what_is_drawn_last_has_a_round_too() {
     let gpu = Gpu::new();
-    let (scene, cameras, photographs) = striped_wall(1);
+    let (scene, cameras, photographs) = striped(1, 180, 160);
     let views = Views::upload(&gpu, &cameras, &[&photographs[0]]).unwrap();
     let model = Model::upload(&gpu, &scene, 0).unwrap();
     let options = RenderOptions { depth: true, ..Default::default() };
