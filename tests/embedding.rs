@@ -364,7 +364,7 @@ fn the_callers_pipeline_cache_may_be_warm() {
 }
 
 #[test]
-fn the_callers_lock_is_held_at_every_submission() {
+fn the_callers_lock_is_held_at_every_submission_and_null_handles_are_refused() {
     let application = Application::new();
     let (held, open) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(true)));
     let lock = {
@@ -384,6 +384,15 @@ fn the_callers_lock_is_held_at_every_submission() {
     // A lock that refuses submissions is not reported as a driver failure.
     open.store(false, Relaxed);
     assert!(matches!(buffer.download(), Err(GpuError::NotSubmitted)));
+    // Handles that are null are refused.
+    let borrowed = || application.borrowed();
+    for (lent, words) in [
+        (BorrowedDevice { physical_device: vk::PhysicalDevice::null(), ..borrowed() }, "the physical device is null"),
+        (BorrowedDevice { queue: vk::Queue::null(), ..borrowed() }, "the queue is null"),
+    ] {
+        let error = unsafe { Context::borrow(lent) }.map_err(Error::from).err().unwrap();
+        assert_eq!((error.to_string().as_str(), error.exit_code()), (words, 2));
+    }
 }
 
 /// A plain scene with two grey photographs.
@@ -549,19 +558,6 @@ fn an_instance_of_an_older_vulkan_is_refused() {
         let chosen = Context::choose(entry, instance, &ContextOptions::default()).map(drop);
         let described = unsafe { Context::describe(entry, instance, *physical_device) }.map(drop);
         assert_eq!([chosen.is_err(), described.is_err()], [version == vk::API_VERSION_1_0; 2]);
-    }
-}
-
-#[test]
-fn handles_that_are_null_are_refused() {
-    let application = Application::new();
-    let borrowed = || application.borrowed();
-    for (lent, words) in [
-        (BorrowedDevice { physical_device: vk::PhysicalDevice::null(), ..borrowed() }, "the physical device is null"),
-        (BorrowedDevice { queue: vk::Queue::null(), ..borrowed() }, "the queue is null"),
-    ] {
-        let error = unsafe { Context::borrow(lent) }.map_err(Error::from).err().unwrap();
-        assert_eq!((error.to_string().as_str(), error.exit_code()), (words, 2));
     }
 }
 

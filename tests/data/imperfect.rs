@@ -9,9 +9,9 @@ use glint::data::{Dataset, DatasetKind, DatasetOptions, Holdout, Split};
 use image::codecs::{jpeg::JpegEncoder, png::PngEncoder, webp::WebPEncoder};
 use image::metadata::Orientation;
 use image::{DynamicImage, GrayImage, ImageEncoder, Luma, Rgb, RgbImage};
-use serde_json::{Value, json};
+use serde_json::json;
 
-use crate::variants::{Plain, put, ten, write};
+use crate::variants::{Plain, edit, put, ten, write};
 
 fn open(root: &Path) -> Dataset {
     Dataset::open(root, &DatasetOptions::default()).unwrap()
@@ -19,14 +19,6 @@ fn open(root: &Path) -> Dataset {
 
 fn error(root: &Path) -> String {
     Dataset::open(root, &DatasetOptions::default()).unwrap_err().to_string()
-}
-
-/// Applies a change to the transforms.json of the dataset in `root`.
-fn edit(root: &Path, change: impl FnOnce(&mut Value)) {
-    let path = root.join("transforms.json");
-    let mut file = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    change(&mut file);
-    put(&path, file.to_string());
 }
 
 #[test]

@@ -5,25 +5,14 @@ use std::path::Path;
 
 use glint::data::{Dataset, DatasetOptions, PixelSource, Reduce};
 use image::{Rgba, RgbaImage};
-use serde_json::json;
+
+use crate::variants::{self, Plain};
 
 /// Nine photos of 40 × 30, each of one color and listed as PNG; in COLMAP's form, or in transforms.json.
 fn write(root: &Path, colmap: bool) {
-    let mut poses = String::new();
-    let mut frames = Vec::new();
-    for i in 0..9 {
-        poses += &format!("{} 1 0 0 0 0 0 {i} 1 p/{i}.png\n\n", i + 1);
-        let turn = [[1, 0, 0, i], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
-        frames.push(json!({"file_path": format!("images/p/{i}.png"), "transform_matrix": turn}));
-    }
-    if colmap {
-        fs::create_dir_all(root.join("sparse/0")).unwrap();
-        fs::write(root.join("sparse/0/cameras.txt"), "1 PINHOLE 40 30 36 36 20 15\n").unwrap();
-        fs::write(root.join("sparse/0/images.txt"), poses).unwrap();
-    } else {
-        let file = json!({"fl_x": 36, "w": 40, "h": 30, "cx": 20, "cy": 15, "frames": frames});
-        fs::write(root.join("transforms.json"), file.to_string()).unwrap();
-    }
+    let names = (0..9).map(|i| format!("p/{i}.png")).collect();
+    let plain = Plain { names, photos: Vec::new(), ..Plain::new(9, [40, 30], [36.0; 2], "p", 1) };
+    let _ = variants::write(&plain, root, if colmap { "COLMAP text" } else { "nerfstudio" });
     photos(&root.join("images"), "png", [40, 30]);
 }
 

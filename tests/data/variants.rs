@@ -253,6 +253,14 @@ pub fn ten(kind: &str) -> (Plain, TempDir, Written) {
     (plain, folder, written)
 }
 
+/// Applies a change to the transforms.json of the dataset in `root`.
+pub fn edit(root: &Path, change: impl FnOnce(&mut Value)) {
+    let path = root.join("transforms.json");
+    let mut file = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    change(&mut file);
+    put(&path, file.to_string());
+}
+
 pub type Kind = (&'static str, fn(&Plain, &Path) -> Written);
 
 /// The first is the plain form.

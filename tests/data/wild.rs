@@ -5,7 +5,7 @@ use std::fs;
 use glint::data::{Dataset, DatasetKind, DatasetOptions, Split};
 use proptest::prelude::*;
 
-use crate::variants::{KINDS, Plain, put, ten, write};
+use crate::variants::{KINDS, Plain, edit, put, ten, write};
 
 /// Rounding of poses that went through quaternions or matrices, and of focal lengths that were angles.
 const CLOSE: f64 = 1e-11;
@@ -151,11 +151,10 @@ fn a_principal_point_that_is_nowhere_near_the_picture_is_said() {
     );
     // Intrinsics of photos twice as large, without a size.
     let (_, folder, _) = ten("nerfstudio");
-    let path = folder.path().join("transforms.json");
-    let mut file: serde_json::Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    (file["w"], file["h"]) = Default::default();
-    (file["cx"], file["cy"]) = (8.into(), 6.into());
-    put(&path, file.to_string());
+    edit(folder.path(), |file| {
+        (file["w"], file["h"]) = Default::default();
+        (file["cx"], file["cy"]) = (8.into(), 6.into());
+    });
     let error = Dataset::open(folder.path(), &DatasetOptions::default()).unwrap_err().to_string();
     assert!(error.contains("(8, 6)") && error.contains("add `w` and `h`"), "{error}");
 }

@@ -46,7 +46,7 @@ fn training_and_augmentation_give_the_same_bits_twice() {
             let session = Session { background: built.background, extent: 3.0, seed: 3, ..session(&gpu) };
             let (base_bits, losses, base) = trained(&session, &views, &start);
             let mut options = EnhanceOptions::quick();
-            options.schedule = Schedule { round_steps: 20, final_steps: 20, max_rounds: 3, shared_steps: false };
+            options.schedule = Schedule { round_steps: 12, final_steps: 12, max_rounds: 3, shared_steps: false };
             options.join.steps_per_view = 4;
             options.ratio = 0.2;
             let enhanced = enhance(&session, &base, &views, &options, |_| ()).unwrap();

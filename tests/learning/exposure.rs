@@ -205,11 +205,20 @@ fn maps_stay_when_a_run_is_planned_anew() {
 }
 
 /// A single photograph's map would be the scene's exposure: it stays the identity, and the run equals one
-/// without maps.
+/// without maps. Steps of several views have none.
 #[test]
 fn a_photograph_alone_keeps_its_colors() {
     let gpu = Gpu::new();
     let setup = Setup::new(&gpu);
+    let scene = Scene { base: setup.start.clone(), ..Default::default() };
+    let model = Model::upload_around(&gpu, setup.views.origin, &scene, Room::default()).unwrap();
+    let (lesson, rates) = (Lesson::new(Segment::Base), Rates::default());
+    let plan = move |_| StepPlan { rates, active_degree: 0 };
+    let mut trainer = Trainer::new(&setup.session, &model, &setup.views, &[lesson], vec![0, 1, 2, 3], 2, plan).unwrap();
+    let refused = trainer.correct_exposure(&setup.session, &setup.views).unwrap_err();
+    assert!(matches!(&refused, Error::Usage(what) if what.contains("one view")), "{refused}");
+    assert_eq!(trainer.exposures().unwrap(), None);
+
     let rgb = setup.views.download_photograph(0).unwrap();
     let rgb: Vec<u8> = rgb.iter().flat_map(|p| [0, 8, 16].map(|shift| (p >> shift) as u8)).collect();
     let views = Views::upload(&gpu, &setup.views.cameras[..1], &[&rgb]).unwrap();
@@ -221,18 +230,4 @@ fn a_photograph_alone_keeps_its_colors() {
     });
     assert_eq!(runs[1].1, Some(vec![IDENTITY]));
     assert_eq!(runs[0].0, runs[1].0);
-}
-
-#[test]
-fn steps_of_several_views_have_no_exposure_correction() {
-    let gpu = Gpu::new();
-    let setup = Setup::new(&gpu);
-    let scene = Scene { base: setup.start.clone(), ..Default::default() };
-    let model = Model::upload_around(&gpu, setup.views.origin, &scene, Room::default()).unwrap();
-    let lesson = Lesson::new(Segment::Base);
-    let plan = |_| StepPlan { rates: Rates::default(), active_degree: 0 };
-    let mut trainer = Trainer::new(&setup.session, &model, &setup.views, &[lesson], vec![0, 1, 2, 3], 2, plan).unwrap();
-    let refused = trainer.correct_exposure(&setup.session, &setup.views).unwrap_err();
-    assert!(matches!(&refused, Error::Usage(what) if what.contains("one view")), "{refused}");
-    assert_eq!(trainer.exposures().unwrap(), None);
 }

@@ -64,7 +64,7 @@ fn every_stage_is_worth_its_decibels() {
     let cloud = dataset.points.as_ref().unwrap();
     let first = Scene { base: from_points(&cloud.around(glam::DVec3::ZERO), &cloud.colors, 3), ..Default::default() };
     let model = Model::upload_around(&gpu, views.origin, &first, Room::default()).unwrap();
-    let options = BaseOptions { iterations: 400, sh_degree: 3, ..Default::default() };
+    let options = BaseOptions { iterations: 200, sh_degree: 3, ..Default::default() };
     train_base(&session, &model, &views, &options, false, |_| ()).unwrap();
     let base = model.download().unwrap();
     let (at_first, trained) = (score(&first), score(&base));
@@ -105,15 +105,15 @@ fn every_stage_is_worth_its_decibels() {
     // The refiner's backdrop equals the base as evaluated.
     assert!((unrefined - learned).abs() < 0.02, "{unrefined} and {learned}");
 
-    // One device gives the same bits every run; devices differ in rounding, which 400 steps of training
+    // One device gives the same bits every run; devices differ in rounding, which 200 steps of training
     // amplify to hundredths of a dB. A floor is a quarter of a dB, or of the gain, below llvmpipe's value in
     // the trailing comment. A wrong setting costs more: swapping red and blue in photographs costs 3.8 dB.
     for (what, found, floor) in [
-        ("a trained base, test views", trained, 25.79),                    // 26.04
-        ("what the screen phase gains", refined - learned, 0.61),          // 0.82
-        ("what lifting leaves of the base", lifted - learned, -2.13),      // -1.88
-        ("what joining gains, training views", rejoined - lifted, 1.9),    // 2.54
-        ("what an augmentation gains, test views", joined - trained, 0.2), // 0.27
+        ("a trained base, test views", trained, 25.03),                  // 25.28
+        ("what the screen phase gains", refined - learned, 0.58),        // 0.77
+        ("what lifting leaves of the base", lifted - learned, -1.49),    // -1.24
+        ("what joining gains, training views", rejoined - lifted, 1.65), // 2.20
+        ("what an augmentation gains, test views", joined - trained, 0.35), // 0.47
     ] {
         assert!(found > floor, "{what}: {found:.2} dB, expected {floor}");
     }
@@ -134,17 +134,17 @@ fn what_is_done_by_default_is_worth_its_decibels() {
 
     let cloud = dataset.points.as_ref().unwrap();
     let mut base = from_points(&cloud.around(glam::DVec3::ZERO), &cloud.colors, 3);
-    let density = DensityOptions { strategy: Strategy::default(), limit: 2000, first: 500, iterations: 400 };
+    let density = DensityOptions { strategy: Strategy::default(), limit: 2000, first: 500, iterations: 300 };
     density.begin(&mut base);
     let first = Scene { base, ..Default::default() };
     let model = Model::upload_around(&gpu, views.origin, &first, Room { base: 1500, ..Default::default() }).unwrap();
-    let options = BaseOptions { iterations: 400, sh_degree: 3, ..Default::default() };
+    let options = BaseOptions { iterations: 300, sh_degree: 3, ..Default::default() };
     let mut trainer = dense_trainer(&session, &model, &views, &options, &[density]).unwrap();
     trainer.run(&model, &views, false, |_| ()).unwrap();
     let base = model.download().unwrap();
     // The bar's PSNR over the last pass equals that of the photos, except for the progress during the pass:
-    // 1.0 dB here.
-    let [_, lately] = trainer.lately(400, train.len()).unwrap();
+    // 0.15 dB here.
+    let [_, lately] = trainer.lately(300, train.len()).unwrap();
     let learned =
         evaluate(&gpu, &base, &train, RenderOptions::default(), background, |_| Ok(())).unwrap().augmented.psnr;
     assert_eq!((trainer.gaussians(), base.base.len()), (Some(2000), 2000));
@@ -162,8 +162,8 @@ fn what_is_done_by_default_is_worth_its_decibels() {
     );
     // Floors chosen like those above.
     let gained = augmented - trained;
-    // llvmpipe has 26.09 and 0.64.
-    for (what, found, floor) in [("a trained base", trained, 25.8), ("what an augmentation gains", gained, 0.48)] {
+    // llvmpipe has 25.61 and 1.11.
+    for (what, found, floor) in [("a trained base", trained, 25.36), ("what an augmentation gains", gained, 0.83)] {
         assert!(found > floor, "{what}: {found:.2} dB, expected {floor}");
     }
 }

@@ -231,7 +231,7 @@ fn refine(
     isects: Option<u32>,
     go_on: bool,
 ) -> (Vec<ScreenGaussian>, Refined) {
-    let (mut scene, cameras, photographs) = striped(views, 180, 160);
+    let (mut scene, cameras, photographs) = striped(views, 120, 100);
     let photographs: Vec<&[u8]> = photographs.iter().map(Vec::as_slice).collect();
     let views = Views::upload(gpu, &cameras, &photographs).unwrap();
     let model = Model::upload(gpu, &scene, 0).unwrap();
@@ -272,9 +272,9 @@ fn refined_views_lose_less_whatever_their_batch_and_however_small_the_buffers() 
     }
     assert!(refined.counts[0] >= 20 && refined.rounds <= SCHEDULE.max_rounds, "{refined:?}");
     for p in &gaussians {
-        assert!((0.0..=180.0).contains(&p.centre[0]) && (0.0..=160.0).contains(&p.centre[1]));
+        assert!((0.0..=120.0).contains(&p.centre[0]) && (0.0..=100.0).contains(&p.centre[1]));
         assert!(p.color.iter().all(|c| (0.0..=1.0).contains(c)));
-        assert!(p.log_scale.iter().all(|s| *s <= 3.4f32.ln() + 1e-6));
+        assert!(p.log_scale.iter().all(|s| *s <= 2.2f32.ln() + 1e-6));
         // The wall's own z, except for pixels past its edge.
         assert!(p.depth == 0.0 || (p.depth - 4.0).abs() < 0.2, "{p:?}");
     }
