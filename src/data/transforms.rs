@@ -626,6 +626,18 @@ mod tests {
         assert!(parse(b"{\"frames\": NaN}", Path::new("t.json")).err().unwrap().to_string().contains("t.json"));
     }
 
+    /// Both files count as read, so neither may be written over.
+    #[test]
+    fn test_views_come_from_a_file_of_their_own() {
+        let frame = json!({"file_path": "r_0", "transform_matrix": UPRIGHT});
+        let file = json!({"camera_angle_x": 0.7, "frames": [frame]}).to_string();
+        let folder = folder(&[(TRAIN, &file), (TEST, &file.replace("r_0", "r_1"))]);
+        let read = || read(&find(folder.path()).unwrap(), false, &DatasetOptions::default()).unwrap();
+        assert_eq!(read().sources, [TRAIN, TEST].map(|name| folder.path().join(name)));
+        fs::remove_file(folder.path().join(TEST)).unwrap();
+        assert_eq!(read().entries[0].split, None);
+    }
+
     #[test]
     fn nerfstudios_lists_say_what_is_for_what() {
         let frames =

@@ -409,6 +409,14 @@ mod tests {
         assert!(!without.contains("over base") && !without.to_lowercase().contains("diffuse"), "{without}");
     }
 
+    #[test]
+    fn gains_are_over_the_first_scene() {
+        let entries = [("base", 20.0), ("worse", 19.5), ("better", 24.0)].map(|(name, psnr)| entry(name, psnr, false));
+        let html = page("x", &[[1, 2, 3], [4, 5, 6]].map(truth), &entries, &[], &[]).unwrap();
+        let parts = ["over base [dB]", "<td>-0.50</td>", "<td>+4.00</td>"];
+        assert_eq!(parts.map(|part| html.matches(part).count()), [1; 3], "{html}");
+    }
+
     fn truth(color: [u8; 3]) -> Truth {
         let photo = data_of(&image::RgbImage::from_pixel(300, 20, image::Rgb(color))).unwrap();
         Truth { photo, parts: None }
