@@ -133,7 +133,7 @@ pub(super) mod tests {
     use super::*;
 
     /// Sizes with less than a window, with less than a tile, and with more than one.
-    pub const SIZES: [(usize, usize); 3] = [(1, 1), (17, 3), (64, 48)];
+    pub const SIZES: [(usize, usize); 3] = [(1, 1), (17, 3), (40, 36)];
 
     /// A picture with gradients, edges and noise, and a target near it.
     pub fn pictures(width: usize, height: usize) -> (Vec<[f64; 4]>, Vec<u32>) {
