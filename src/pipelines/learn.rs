@@ -9,10 +9,7 @@ use super::{
 };
 use crate::{
     gpu::{Buffer, GpuError, Recorder},
-    scene::{
-        color,
-        layout::{GEOMETRY_PLANES, LAST_STEP, LOBE_PLANES, bytes, quads, sh_planes},
-    },
+    scene::layout::{GEOMETRY_PLANES, LAST_STEP, LOBE_PLANES, bytes, quads, sh_planes},
     stages::{WORKGROUP, adam, project_backward, types::StepRates},
 };
 
