@@ -9,7 +9,10 @@ use super::{
 };
 use crate::{
     gpu::{Buffer, GpuError, Recorder},
-    scene::layout::{GEOMETRY_PLANES, LAST_STEP, LOBE_PLANES, bytes, quads, sh_planes},
+    scene::{
+        color,
+        layout::{GEOMETRY_PLANES, LAST_STEP, LOBE_PLANES, bytes, quads, sh_planes},
+    },
     stages::{WORKGROUP, adam, project_backward, types::StepRates},
 };
 
@@ -226,7 +229,14 @@ impl Learner {
         let has_lobes = lesson.segment.has_lobes();
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
         // Frozen segments do not read their colors.
-        let degrees = if opacity_only { &[0] } else { model.degrees_from(lesson.segment, lesson.least_degree) };
+        let degrees = match opacity_only {
+            true => &[0],
+            false => {
+                let least = model.degree_of(lesson.segment, lesson.least_degree);
+                let parts = color::of(model.part(lesson.segment).sh_degree).parts;
+                &parts[parts.partition_point(|&part| part < least)..]
+            }
+        };
         let backward = |wanted: bool, accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
                 workgroup_size: context.info().workgroup(WORKGROUP),

@@ -474,12 +474,6 @@ impl Model {
         color::of(self.part(segment).sh_degree).part(degree)
     }
 
-    /// Degrees that a segment is rendered with if `least` or more are asked for.
-    pub(super) fn degrees_from(&self, segment: Segment, least: u32) -> &'static [u32] {
-        let all = color::of(self.part(segment).sh_degree).parts;
-        &all[all.partition_point(|&part| part < self.degree_of(segment, least))..]
-    }
-
     /// Whether it has half width, see [`Room::half`].
     pub fn is_half(&self) -> bool {
         self.parts[0].half
