@@ -556,7 +556,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
         // Bisects for the smallest sufficient budget, so that later and later allocations fail.
         let (mut few, mut enough) = (0, 1 << 24);
         assert!(fits(enough), "glint {arguments}");
-        while few == 0 || enough - few > enough / 4 {
+        while few == 0 || enough - few > enough / 3 {
             let budget = if few == 0 { enough / 2 } else { u64::midpoint(few, enough) };
             *if fits(budget) { &mut enough } else { &mut few } = budget;
         }

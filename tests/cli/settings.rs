@@ -90,7 +90,7 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
     assert!(said(&work, "train data -o x.ply --iterations 2 -q").is_empty());
     assert!(result.contains("longer training instead, ") && result.contains("dB (measured)"), "{result}");
     // A run with a time limit has no time left for that measurement.
-    let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --time 9s --json --force");
+    let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --time 5s --json --force");
     assert_eq!(report["gain"]["longer_training"]["measured"], false, "{report}");
 }
 

@@ -71,7 +71,7 @@ fn exposure_is_corrected_in_training_alone() {
     let last = read_history(work.path("out.history.jsonl")).unwrap().pop().unwrap();
     let found = work.json("eval out.ply data --json")["base"]["psnr"].as_f64().unwrap();
     assert!((last.psnr - found).abs() < 1e-6, "{} and {found}", last.psnr);
-    let output = work.run("train data -o timed.ply --exposure --time 9s --points 200 --gaussians 300");
+    let output = work.run("train data -o timed.ply --exposure --time 4s --points 200 --gaussians 300");
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && said.contains("note: exposure: the photos' color maps"), "{said}");
 }
