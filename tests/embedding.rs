@@ -6,6 +6,7 @@ mod common;
 mod counting;
 
 use std::{
+    collections::BTreeSet,
     env,
     ffi::{CStr, c_void},
     sync::{
@@ -37,7 +38,7 @@ use glint::{
     },
     reference::{random_camera, random_scene},
     scene::Scene,
-    stages::{status, step_done},
+    stages::{self, status, step_done},
 };
 
 /// An application's own device, made with the demands of `Context::requirements`; with validation layers if
@@ -558,6 +559,27 @@ fn an_instance_of_an_older_vulkan_is_refused() {
         let chosen = Context::choose(entry, instance, &ContextOptions::default()).map(drop);
         let described = unsafe { Context::describe(entry, instance, *physical_device) }.map(drop);
         assert_eq!([chosen.is_err(), described.is_err()], [version == vk::API_VERSION_1_0; 2]);
+    }
+}
+
+/// A run that begins in the middle of a schedule uses all bands from its first step.
+#[test]
+fn pipelines_are_made_for_the_bands_that_a_run_uses() {
+    let application = Application::new();
+    let gpu = application.lend_with(vk::PipelineCache::null(), None);
+    let (scene, views) = small(&gpu);
+    let model = Model::upload(&gpu, &scene, 0).unwrap();
+    let kernel = stages::ALL.iter().find(|kernel| kernel.name == "project_backward").unwrap();
+    let degree = kernel.constants.iter().find(|constant| constant.name == c"sh_degree").unwrap().id;
+    for (begins, degrees) in [(0.5, &[1][..]), (0.0, &[0, 1])] {
+        let options = BaseOptions { iterations: 64, sh_degree: 1, begins };
+        base_trainer(&Session::new(&gpu), &model, &views, &options).unwrap();
+        let made = gpu.pipelines().into_iter().filter(|made| made.kernel == kernel.name);
+        let made: BTreeSet<u32> = made
+            .flat_map(|made| made.constants.into_iter().find(|(id, _)| *id == degree))
+            .map(|(_, value)| value)
+            .collect();
+        assert!(made.iter().eq(degrees), "{made:?}");
     }
 }
 

@@ -156,15 +156,15 @@ fn options_have_the_names_and_numbers_of_other_trainers() {
     assert_eq!((&with["background"], &with["max_size"]), (&serde_json::json!([1.0, 1.0, 1.0]), &40.into()));
 }
 
-/// A regression test: at least 65 steps were taken, about 20 s here.
+/// A regression test: at least 65 steps were taken, about 16 s here after 4 s before the first.
 #[test]
 fn a_run_of_slow_steps_ends_in_its_time_too() {
     let work = Work::new();
     fs::remove_file(work.path("data/sparse/0/points3D.txt")).unwrap();
     let started = Instant::now();
-    let report = work.json("train data -o out.ply --time 5s --points 100000 --gaussians 100000 --json");
+    let report = work.json("train data -o out.ply --time 8s --points 80000 --gaussians 80000 --json");
     let seconds = started.elapsed().as_secs_f64();
-    assert!(seconds < 8.0 && (1..60).contains(&report["iterations"].as_u64().unwrap()), "{seconds} s: {report}");
+    assert!(seconds < 11.0 && (1..60).contains(&report["iterations"].as_u64().unwrap()), "{seconds} s: {report}");
 }
 
 /// The trial of longer training alone would take several times as long.
