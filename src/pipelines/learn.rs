@@ -80,13 +80,13 @@ pub struct Lesson {
     /// Newton's steps with the curvature from [`Learner::record_probe`], instead of Adam's. Each step then
     /// sees one view, and skips Gaussians that it does not blend.
     pub newton: bool,
-    /// Least bands of harmonics in use: each degree from this to the segment's has a pipeline, and no other. Beyond the segment's
-    /// degree it is the segment's.
+    /// Least bands of harmonics that a step uses. Only degrees from this to the segment's have pipelines; a step of fewer bands learns
+    /// nothing.
     pub least_degree: u32,
 }
 
 impl Lesson {
-    /// All parameters learn in every step, with all bands of harmonics and Adam's bias correction.
+    /// All parameters learn in every step, with any bands of harmonics and Adam's bias correction.
     pub fn new(segment: Segment) -> Self {
         Lesson {
             segment,
@@ -96,7 +96,7 @@ impl Lesson {
             compensate: false,
             packed: false,
             newton: false,
-            least_degree: u32::MAX,
+            least_degree: 0,
         }
     }
 }
@@ -229,14 +229,8 @@ impl Learner {
         let has_lobes = lesson.segment.has_lobes();
         let Lesson { opacity_only, sparse, compensate, packed, newton, .. } = lesson;
         // Frozen segments do not read their colors.
-        let degrees = match opacity_only {
-            true => &[0],
-            false => {
-                let least = model.degree_of(lesson.segment, lesson.least_degree);
-                let parts = color::of(model.part(lesson.segment).sh_degree).parts;
-                &parts[parts.partition_point(|&part| part < least)..]
-            }
-        };
+        let colors = color::of(model.part(lesson.segment).sh_degree);
+        let degrees = if opacity_only { &[0] } else { colors.parts_from(lesson.least_degree) };
         let backward = |wanted: bool, accumulate: bool| -> Result<Vec<_>, GpuError> {
             let spec = |sh_degree| project_backward::Spec {
                 workgroup_size: context.info().workgroup(WORKGROUP),

@@ -173,7 +173,7 @@ mod tests {
             let covered = brute_force(&splat, &tiling, ALPHA_MIN);
             assert!(tiles.is_superset(&covered), "{splat:?} {:?}", covered.difference(&tiles));
             if n % 5 == 4 {
-                // Of one pixel each: the pad of 1e-3 px changes ln α by at most pad · l11 · √t + … < 0.03.
+                // Tiles of one pixel: the pad of 1e-3 px changes ln α by at most pad · l11 · √t + … < 0.03.
                 assert!(tiles.is_subset(&brute_force(&splat, &tiling, ALPHA_MIN * (-0.03f64).exp())), "{splat:?}");
             }
             found += tiles.len();

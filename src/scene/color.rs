@@ -112,8 +112,12 @@ impl ColorModel {
 
     /// Returns the index of the part to render if `index` is asked for: the least that has as much, or all.
     pub fn part(&self, index: u32) -> u32 {
-        let all = self.parts[self.parts.len() - 1];
-        self.parts.iter().copied().find(|&part| part >= index).unwrap_or(all)
+        self.parts_from(index)[0]
+    }
+
+    /// Returns the parts to render if `index` or more is asked for, ascending; never empty.
+    pub fn parts_from(&self, index: u32) -> &'static [u32] {
+        &self.parts[self.parts.partition_point(|&part| part < index).min(self.parts.len() - 1)..]
     }
 }
 

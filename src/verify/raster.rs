@@ -211,7 +211,8 @@ impl Shot {
             for (opacity_only, sparse) in lessons.into_iter().filter(|(_, sparse)| !sparse || sparse_too) {
                 self.record_gradients(bench, &renderer, if opacity_only { FROZEN } else { 0 })?;
                 let Policy { compensate, packed, .. } = policy;
-                let lesson = Lesson { opacity_only, sparse, compensate, packed, ..Lesson::new(segment) };
+                let least_degree = self.degree;
+                let lesson = Lesson { opacity_only, sparse, compensate, packed, least_degree, ..Lesson::new(segment) };
                 let [fused, summed] = [false, true].map(|several| Learner::new(&self.model, lesson, several));
                 let (fused, summed) = (fused?, summed?);
                 for step in [STEP - 1, STEP] {

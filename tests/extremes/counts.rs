@@ -195,7 +195,7 @@ fn gaussians_that_fill_a_4k_image_have_all_their_tiles_and_gradients() {
     }
 }
 
-/// What `emit` writes; 7777 where it has not written.
+/// The lists of `emit`; slots that it leaves alone have 7777.
 struct Listed<'a> {
     gpu: &'a Gpu,
     tiles: Buffer<u32>,
