@@ -229,8 +229,10 @@ fn run(args: &Args) -> Result<()> {
     engine.finish();
     let first = started.elapsed().as_secs_f64() * 1e3;
     let image = targets[0].download()?;
-    for n in 1..SLOTS {
+    let (warm, mut n) = (Instant::now(), 1);
+    while n < SLOTS || warm.elapsed() < size::WARM_UP {
         record(n)?;
+        n += 1;
     }
     engine.finish();
     let (started, cpu) = (Instant::now(), cpu_seconds());

@@ -114,7 +114,7 @@ fn run(args: &Args) -> Result<()> {
         }
         None => task(&context, args)?,
     };
-    // All bands are in use after a thirtieth of a run; the first run gets there, and warms up.
+    // All bands are in use after a thirtieth of a run; the first runs get there, and warm up.
     let options = BaseOptions { iterations: args.steps, sh_degree: args.sh_degree, ..Default::default() };
     let reduction = if args.atomic { Reduction::Atomic } else { Reduction::Deterministic };
     let session = Session {
@@ -123,7 +123,10 @@ fn run(args: &Args) -> Result<()> {
         extent,
         ..Session::new(&context)
     };
-    train_base(&session, &model, &views, &options, false, |_| ())?;
+    let warm = Instant::now();
+    while warm.elapsed() < size::WARM_UP {
+        train_base(&session, &model, &views, &options, false, |_| ())?;
+    }
     let started = Instant::now();
     let timed = train_base(&session, &model, &views, &options, true, |_| ())?;
     let wall = started.elapsed().as_secs_f64() * 1e3 / f64::from(args.steps);

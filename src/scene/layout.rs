@@ -3,6 +3,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use super::{Gaussians, Lobes, color};
 use crate::{gpu::f16, stages::constants::model};
 
@@ -30,6 +32,9 @@ pub const LOBE_SHARPNESS: usize = model::LOBE_SHARPNESS as usize;
 /// Number of planes of a lobe.
 pub const LOBE_PLANES: usize = model::LOBE_PLANES as usize;
 
+/// Minimum number of places that a thread fills.
+const PLACES_AT_ONCE: usize = 4096;
+
 /// Quads that hold `planes` planes: four are interleaved.
 pub const fn quads(planes: usize) -> usize {
     planes.div_ceil(4)
@@ -47,11 +52,13 @@ pub const fn at(p: usize, stride: usize, place: usize) -> usize {
 
 /// Makes a page of quads from the values of `planes` planes by plane and place, for places below `count` of
 /// `stride`; 0 elsewhere.
-pub fn page(planes: usize, stride: usize, count: usize, value: impl Fn(usize, usize) -> f32) -> Vec<[f32; 4]> {
+pub fn page(planes: usize, stride: usize, count: usize, value: impl Fn(usize, usize) -> f32 + Sync) -> Vec<[f32; 4]> {
     let mut page = vec![[0.0; 4]; quads(planes) * stride];
-    for p in 0..planes {
-        (0..count).for_each(|place| page[p / 4 * stride + place][p % 4] = value(p, place));
-    }
+    page.par_chunks_mut(stride.max(1)).enumerate().for_each(|(q, quads)| {
+        quads[..count].par_iter_mut().with_min_len(PLACES_AT_ONCE).enumerate().for_each(|(place, quad)| {
+            quad.iter_mut().zip(4 * q..planes).for_each(|(number, p)| *number = value(p, place));
+        });
+    });
     page
 }
 
@@ -186,13 +193,10 @@ pub fn unpack_geometry(packed: [f32; HALF_GEOMETRY_PLANES]) -> [f32; GEOMETRY_PL
 
 /// A page of packed geometry ([`pack_geometry`]), from the values of `GEOMETRY_PLANES` planes, given as to
 /// [`page`].
-pub fn pack_geometry_page(stride: usize, count: usize, value: impl Fn(usize, usize) -> f32) -> Vec<[f32; 4]> {
-    let mut page = vec![[0.0; 4]; quads(HALF_GEOMETRY_PLANES) * stride];
-    for place in 0..count {
-        let packed = pack_geometry(std::array::from_fn(|p| value(p, place)));
-        (0..HALF_GEOMETRY_PLANES).for_each(|p| page[p / 4 * stride + place][p % 4] = packed[p]);
-    }
-    page
+pub fn pack_geometry_page(stride: usize, count: usize, value: impl Fn(usize, usize) -> f32 + Sync) -> Vec<[f32; 4]> {
+    let packed = |place| pack_geometry(std::array::from_fn(|p| value(p, place)));
+    let all: Vec<_> = (0..count).into_par_iter().with_min_len(PLACES_AT_ONCE).map(packed).collect();
+    page(HALF_GEOMETRY_PLANES, stride, count, |p, place| all[place][p])
 }
 
 /// Unpacks a page of geometry of half width: to three quads for each Gaussian.

@@ -156,7 +156,7 @@ fn options_have_the_names_and_numbers_of_other_trainers() {
     assert_eq!((&with["background"], &with["max_size"]), (&serde_json::json!([1.0, 1.0, 1.0]), &40.into()));
 }
 
-/// A regression test: at least 65 steps were taken, about 16 s here after 4 s before the first.
+/// A regression test: at least 65 steps were taken, about 16 s on llvmpipe after 4 s before the first.
 #[test]
 fn a_run_of_slow_steps_ends_in_its_time_too() {
     let work = Work::new();
@@ -164,10 +164,10 @@ fn a_run_of_slow_steps_ends_in_its_time_too() {
     let started = Instant::now();
     let report = work.json("train data -o out.ply --time 8s --points 80000 --gaussians 80000 --json");
     let seconds = started.elapsed().as_secs_f64();
-    assert!(seconds < 11.0 && (1..60).contains(&report["iterations"].as_u64().unwrap()), "{seconds} s: {report}");
+    assert!(seconds < 11.0 && report["iterations"].as_u64() > Some(0), "{seconds} s: {report}");
 }
 
-/// The trial of longer training alone would take several times as long.
+/// On a CPU the trial of longer training alone would take several times as long.
 #[test]
 fn an_augmentation_of_slow_steps_ends_in_its_time_too() {
     let work = Work::new();
@@ -177,7 +177,7 @@ fn an_augmentation_of_slow_steps_ends_in_its_time_too() {
     let started = Instant::now();
     let output = work.run("enhance data --base base.ply -o more.ply --time 6s");
     let (seconds, said) = (started.elapsed().as_secs_f64(), String::from_utf8(output.stderr).unwrap());
-    assert!(output.status.success() && said.contains("weighing would take"), "{said}");
+    assert!(output.status.success() && (said.contains("weighing would take") || !said.contains("(CPU)")), "{said}");
     // The placement, which renders every photo, and a step may begin just before the end; other work may share the machine.
     assert!((4.0..11.0).contains(&seconds), "{seconds} s: {said}");
 }

@@ -331,6 +331,17 @@ fn filling(views: &Views, count: usize, unseen: usize) -> Scene {
     scene
 }
 
+/// With tiles so small that these Gaussians have more intersections than there is room for, on every device.
+fn small_tiles(gpu: &Context) -> Session {
+    let (session, lanes) = (session(gpu), gpu.info().subgroup_size);
+    Session {
+        policy: Policy { tile: TileShape::new(8, 8, lanes), ..session.policy },
+        background: BACKGROUND,
+        extent: 2.0,
+        ..session
+    }
+}
+
 /// A trainer that has started, of the views in this order.
 fn trainer(session: &Session, views: &Views, scene: &Scene, schedule: Vec<u32>) -> (Trainer, Model) {
     let model = Model::upload(&session.context, scene, 0).unwrap();
@@ -351,7 +362,7 @@ fn training_in_too_little_room_gives_the_bits_of_training_in_enough() {
     let roomy = self::filling(&views, COUNT, UNSEEN);
     let trained = [&filling, &roomy].map(|scene| {
         let model = Model::upload(&gpu, scene, 0).unwrap();
-        let session = Session { background: BACKGROUND, extent: 2.0, seed: 7, ..session(&gpu) };
+        let session = Session { seed: 7, ..small_tiles(&gpu) };
         let options = BaseOptions { iterations: 8, sh_degree: 0, ..Default::default() };
         let mut trainer = base_trainer(&session, &model, &views, &options).unwrap();
         // Its maps are learned too, and must not move in steps that did not fit.
@@ -413,8 +424,7 @@ fn training_that_runs_out_of_memory_keeps_what_it_learned() {
     let schedule = [1, 1, 1, 1, 1, 0, 1, 0];
     let trainer = |gpu: &Gpu| {
         let views = near_and_far(gpu);
-        let session = Session { background: BACKGROUND, extent: 2.0, ..session(gpu) };
-        let (trainer, model) = trainer(&session, &views, &filling(&views, COUNT, 0), schedule.to_vec());
+        let (trainer, model) = trainer(&small_tiles(gpu), &views, &filling(&views, COUNT, 0), schedule.to_vec());
         (trainer, model, views)
     };
     let roomy = Gpu::new();
