@@ -125,7 +125,7 @@ pub struct View {
 }
 use crate::gpu::KernelInfo;
 /// Every kernel, by name.
-pub const ALL: [KernelInfo; 59] = [
+pub const ALL: [KernelInfo; 60] = [
     KernelInfo::of::<bands_fit::Kernel>(),
     KernelInfo::of::<bands_look::Kernel>(),
     KernelInfo::of::<density_apply::Kernel>(),
@@ -145,6 +145,7 @@ pub const ALL: [KernelInfo; 59] = [
     KernelInfo::of::<lift_join::Kernel>(),
     KernelInfo::of::<lift_pca::Kernel>(),
     KernelInfo::of::<lift_points::Kernel>(),
+    KernelInfo::of::<composite::Kernel>(),
     KernelInfo::of::<loss_probe::Kernel>(),
     KernelInfo::of::<loss_sum::Kernel>(),
     KernelInfo::of::<ssim_backward::Kernel>(),
@@ -187,7 +188,7 @@ pub const ALL: [KernelInfo; 59] = [
     KernelInfo::of::<fma_rate::Kernel>(),
 ];
 /// The names of all stages.
-pub const NAMES: &[&str] = &["bands_fit", "bands_look", "density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
+pub const NAMES: &[&str] = &["bands_fit", "bands_look", "density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "composite", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
 kernel! {
     /// `glsl/bands/bands_fit.comp`
     bands_fit, Thread, subgroups false, barriers false, features [],
@@ -481,6 +482,17 @@ kernel! {
         Write taus: f32 = 0b1,
         Write point_sets: u32 = 0b0,
         Write labels: u32 = 0b0,
+    }
+}
+kernel! {
+    /// `glsl/loss/composite.comp`
+    composite, Thread, subgroups false, barriers false, features [],
+    spirv "composite.spv" "composite.spv",
+    push { first: u32, pixels: u32, change: [i32; 3], }
+    spec { 0 workgroup_size: u32, }
+    buffers {
+        Read photographs: u32 = 0b0,
+        Write targets: u32 = 0b0,
     }
 }
 kernel! {

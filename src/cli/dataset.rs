@@ -101,7 +101,7 @@ pub(super) fn upload(
     photos: &[&Photo],
     background: [f32; 3],
     halvings: u32,
-    storage: Storage,
+    storage: (Storage, bool),
 ) -> Result<(Views, Vec<u32>)> {
     let reading = Progress::new("reading", "photos", photos.len() as u64);
     let (mut checksums, mut uncounted) = (Vec::with_capacity(photos.len()), 0);

@@ -36,7 +36,7 @@ use crate::{
         learn::learning_bytes,
         session::Policy,
         start::{halvings_for, photos_of},
-        train::{BaseOptions, HALVED_UNTIL},
+        train::{BaseOptions, HALVED_UNTIL, VARIED_NTH},
     },
     report::runs::StageMean,
     scene::{Scene, color},
@@ -354,8 +354,14 @@ impl Args {
         check_room(&self.output, scene + on_disk, self.kept_bytes(most, test.as_deref().unwrap_or_default()))?;
         let session =
             self.common.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
-        let (views, checksums) = upload(context, &photos, dataset.background, course.halvings, self.storage(on)?)?;
-        self.tell_memory(if on == PhotosOn::Device { pixels } else { 0 }, most, gaussians_on, course.halvings);
+        let (views, checksums) =
+            upload(context, &photos, dataset.background, course.halvings, (self.storage(on)?, true))?;
+        self.tell_memory(
+            if on == PhotosOn::Device { pixels } else { 0 },
+            most,
+            gaussians_on,
+            (course.halvings, views.are_transparent()),
+        );
 
         let mut base = first.gaussians;
         let beginning = checksum(&base);
@@ -429,10 +435,13 @@ impl Args {
     }
 
     /// Logs the expected device memory, with photos of `pixels` in it.
-    fn tell_memory(&self, pixels: u64, most: u32, gaussians_on: GaussiansOn, halvings: u32) {
+    fn tell_memory(&self, pixels: u64, most: u32, gaussians_on: GaussiansOn, (halvings, transparent): (u32, bool)) {
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         if pixels > 0 {
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
+        }
+        if transparent {
+            tracing::info!("photos are transparent: one step in {VARIED_NTH} shows them over a random color");
         }
         if halvings > 0 {
             let times = if halvings == 1 { "once" } else { "twice" };

@@ -366,7 +366,7 @@ impl Looped for Looking<'_> {
             return Ok(());
         }
         let (show, view) = (Show::all(model, rig.background), *first + step);
-        let targets = views.record_photograph(recorder, view)?;
+        let targets = views.record_photograph(recorder, view, None)?;
         let grid = renderer.record(recorder, model, views, view, &show, status)?;
         if let (Some(loss), 0) = (loss, *page) {
             let batch = Batch {

@@ -8,9 +8,11 @@ use std::{
 };
 
 use crate::{
+    data::to_byte,
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
     scene::Camera,
+    stages::{WORKGROUP, composite},
 };
 
 /// Maximum bytes that a submission copies from a file: 16 photographs of two megapixels, training's default maximum. Two submissions are in
@@ -31,6 +33,16 @@ pub enum Storage {
 pub(super) struct Photographs {
     source: Source,
     places: Vec<Place>,
+    compositor: Option<Compositor>,
+}
+
+/// Composites transparent photographs over a background that each step chooses.
+struct Compositor {
+    stage: composite::Stage,
+    /// The background that the stored colors lie over, 255ths.
+    background: [u8; 3],
+    /// Device memory for the photograph of a step.
+    targets: Buffer<u32>,
 }
 
 /// `pages` can be bound by the device; no photograph spans two. `slot` is device memory for the photograph of the view that a step works on.
@@ -57,8 +69,14 @@ struct PhotoFile {
 }
 
 impl Photographs {
-    /// Makes room for photographs of these sizes; for placeholders without `storage`.
-    pub fn new(context: &Context, cameras: &[Camera], storage: Option<Storage>) -> Result<Self> {
+    /// Makes room for photographs of these sizes; for placeholders without `storage`. If they are transparent, their colors are stored over
+    /// `background`.
+    pub fn new(
+        context: &Context,
+        cameras: &[Camera],
+        storage: Option<Storage>,
+        background: Option<[f32; 3]>,
+    ) -> Result<Self> {
         let most = match storage {
             Some(Storage::File(..)) => usize::MAX,
             _ => (context.info().max_storage_bytes / size_of::<u32>() as u64).min(u64::from(u32::MAX)) as usize,
@@ -80,6 +98,12 @@ impl Photographs {
         }
         let made = |location| pages.iter().map(|&pixels| buffer(pixels, location)).collect::<Result<_, GpuError>>();
         let slot = || buffer(places.iter().map(|place| place.pixels).max().unwrap_or(0), Location::Device);
+        let compositor = |background: [f32; 3]| {
+            let spec = composite::Spec { workgroup_size: context.info().workgroup(WORKGROUP) };
+            let stage = composite::Stage::new(context, &spec)?;
+            Ok::<_, GpuError>(Compositor { stage, background: background.map(to_byte), targets: slot()? })
+        };
+        let compositor = background.map(compositor).transpose()?;
         let source = match storage {
             None | Some(Storage::Device) => Source::Device { pages: made(Location::Device)? },
             Some(Storage::Host) => Source::Host { pages: made(Location::Host)?, slot: slot()? },
@@ -88,7 +112,7 @@ impl Photographs {
                 Source::File { file: Mutex::new(file), slot: slot()? }
             }
         };
-        Ok(Photographs { source, places })
+        Ok(Photographs { source, places, compositor })
     }
 
     /// First pixel of the photograph of view `v` in the buffer of [`Photographs::record`].
@@ -109,12 +133,17 @@ impl Photographs {
         }
     }
 
-    /// The page of the photograph of view `v`, if it lies in device memory.
+    /// The page of the photograph of view `v`, if it lies in device memory as steps need it.
     pub fn on_device(&self, v: usize) -> Option<&Buffer<u32>> {
         match &self.source {
-            Source::Device { pages } => Some(&pages[self.places[v].page]),
+            Source::Device { pages } if self.compositor.is_none() => Some(&pages[self.places[v].page]),
             _ => None,
         }
+    }
+
+    /// Whether the photographs are transparent.
+    pub fn are_transparent(&self) -> bool {
+        self.compositor.is_some()
     }
 
     /// Stores a photograph. Waits.
@@ -135,9 +164,21 @@ impl Photographs {
         }
     }
 
-    /// The buffer from which the next commands can read the photograph of view `v`. If it lies elsewhere, records a copy, which replaces
-    /// the photograph of the view before.
-    pub fn record(&self, recorder: &mut Recorder, v: usize) -> Result<&Buffer<u32>> {
+    /// The buffer from which the next commands can read the photograph of view `v`; if it is transparent, over `background` or else its own.
+    /// If it lies elsewhere, records a copy, which replaces the photograph of the view before.
+    pub fn record(&self, recorder: &mut Recorder, v: usize, background: Option<[u8; 3]>) -> Result<&Buffer<u32>> {
+        let stored = self.record_stored(recorder, v)?;
+        let Some(Compositor { stage, background: own, targets }) = &self.compositor else { return Ok(stored) };
+        let first = if matches!(self.source, Source::Device { .. }) { self.places[v].first as u32 } else { 0 };
+        let change = background.map_or([0; 3], |new| std::array::from_fn(|c| i32::from(new[c]) - i32::from(own[c])));
+        let pixels = self.places[v].pixels as u32;
+        let buffers = composite::Buffers { photographs: stored, targets };
+        stage.record(recorder, &buffers, &composite::Push { first, pixels, change }, pixels);
+        Ok(targets)
+    }
+
+    /// The buffer of the photograph of view `v` as it is stored, after a copy if it lies elsewhere.
+    fn record_stored(&self, recorder: &mut Recorder, v: usize) -> Result<&Buffer<u32>> {
         let Place { page, first, pixels } = self.places[v];
         match &self.source {
             Source::Device { pages } => Ok(&pages[page]),

@@ -60,13 +60,13 @@ pub fn upload_photos(
     halvings: u32,
     progress: impl FnMut(usize, &[u32]),
 ) -> Result<Views> {
-    store_photos(context, photos, background, halvings, Storage::Device, progress)
+    store_photos(context, photos, background, halvings, (Storage::Device, false), progress)
 }
 
 /// Uploads the cameras of `photos`, and stores their photographs as targets, with copies whose sides are halved
 /// up to `halvings` times. A masked pixel has alpha 0. Photographs are decoded a few at a time, so that the host
-/// never holds them all. Transparent pixels are blended over `background`. `progress` is called after every
-/// photo, with the number done so far and its pixels as uploaded.
+/// never holds them all. Transparent pixels are blended over `background`; with `transparent`, steps may blend them over another
+/// one. `progress` is called after every photo, with the number done so far and its pixels as uploaded.
 ///
 /// # Errors
 /// Errors of the files, and [`Error::Usage`] if a photograph is too large for the device.
@@ -75,28 +75,38 @@ pub fn store_photos(
     photos: &[&Photo],
     background: [f32; 3],
     halvings: u32,
-    storage: Storage,
+    (storage, transparent): (Storage, bool),
     mut progress: impl FnMut(usize, &[u32]),
 ) -> Result<Views> {
     if let Some(error) = photos.iter().find_map(|photo| too_large(photo, context.info().max_storage_bytes)) {
         return Err(error);
     }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
-    let views = Views::halved(context, origin_for(&cameras), &cameras, halvings, storage)?;
+    let transparent = (transparent && photos.iter().any(|photo| photo.shows_background())).then_some(background);
+    let views = Views::halved(context, origin_for(&cameras), &cameras, halvings, storage, transparent)?;
     let (mut done, mut any_counts) = (0, photos.is_empty());
     // Each size is made from the next larger one.
     let sizes = |photo: &Photo, image: Image| {
-        let (mut image, mut sizes) = (image, Vec::with_capacity(1 + halvings as usize));
-        let any_counts = image.any_counts();
+        let mut sizes = vec![image];
         for halvings in 1..=halvings {
             let Camera { width, height, .. } = halved(&photo.camera, halvings);
-            let smaller = image.reduced([width, height]);
-            sizes.push(std::mem::replace(&mut image, smaller).packed());
+            sizes.push(sizes[sizes.len() - 1].reduced([width, height]));
         }
-        sizes.push(image.packed());
-        (any_counts, sizes)
+        sizes
     };
-    load_photos(photos, background, sizes, |(counts, sizes)| {
+    let far = background.map(|value| if value < 0.5 { 1.0 } else { 0.0 });
+    let all = |photo: &Photo, image: Image| {
+        let (any_counts, sizes_of) = (image.any_counts(), sizes(photo, image));
+        let mut packed: Vec<_> = sizes_of.iter().map(Image::packed).collect();
+        if transparent.is_some() && photo.shows_background() {
+            for ((packed, image), other) in packed.iter_mut().zip(&sizes_of).zip(sizes(photo, photo.load(far)?)) {
+                image.put_opacity(packed, (background, far), &other);
+            }
+        }
+        Ok((any_counts, packed))
+    };
+    load_photos(photos, background, all, |loaded: Result<_>| {
+        let (counts, sizes) = loaded?;
         any_counts |= counts;
         for (packed, view) in sizes.iter().zip((done..).step_by(photos.len())) {
             views.upload_photograph(view, packed)?;

@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use rand::{SeedableRng, seq::SliceRandom};
+use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 use super::{
@@ -60,6 +60,8 @@ struct Training {
     views_per_step: u32,
     plan: Box<dyn Fn(u32) -> StepPlan + Send>,
     background: [f32; 3],
+    /// Of random backgrounds.
+    seed: u64,
     /// One for each learner, if the number of Gaussians changes.
     density: Vec<Density>,
     exposure: Option<Exposure>,
@@ -142,6 +144,7 @@ impl Trainer {
                 views_per_step,
                 plan: Box::new(plan),
                 background: session.background,
+                seed: session.seed,
                 density: Vec::new(),
                 exposure: None,
                 varies: false,
@@ -423,8 +426,11 @@ impl On<'_> {
         let On { training, model, views } = self;
         let Training { renderer, loss, .. } = &**training;
         let view = training.schedule[at as usize];
-        let targets = views.record_photograph(recorder, view)?;
-        let show = Show { upto: Segment::Supplement, degree, background: training.background };
+        let varied = views.are_transparent() && at.is_multiple_of(VARIED_NTH);
+        let varied = varied.then(|| background_of(training.seed, at));
+        let targets = views.record_photograph(recorder, view, varied)?;
+        let background = varied.map_or(training.background, |color| color.map(|byte| f32::from(byte) / 255.0));
+        let show = Show { upto: Segment::Supplement, degree, background };
         let grid = renderer.record(recorder, model, views, view, &show, status)?;
         let buffers = &renderer.raster.buffers;
         let batch = Batch {
@@ -516,6 +522,17 @@ impl Looped for On<'_> {
     fn room(&self) -> u32 {
         self.training.renderer.raster.capacity()
     }
+}
+
+/// One view in so many is shown over a random background, if photographs are transparent. Without, Gaussians of the background's color stay
+/// in front of what other photos show; with all, scenes converge more slowly (docs/experiments/2026-11-29-backgrounds.md).
+pub const VARIED_NTH: u32 = 8;
+
+/// The random background of view `at` of the schedule.
+fn background_of(seed: u64, at: u32) -> [u8; 3] {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(1 + u64::from(at));
+    rng.random()
 }
 
 /// `steps` views in random permutations of 0..`views`: no view repeats before all were seen.

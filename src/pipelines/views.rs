@@ -88,7 +88,8 @@ impl Views {
     }
 
     /// Makes room for photographs at several sizes, stored by [`Views::upload_photograph`]: those of
-    /// `cameras`, then all of them with sides halved once, and so on, `halvings` times.
+    /// `cameras`, then all of them with sides halved once, and so on, `halvings` times. With `background` they are transparent, and their
+    /// colors lie over it.
     ///
     /// # Errors
     /// Those of [`Views::without_photographs`].
@@ -98,10 +99,11 @@ impl Views {
         cameras: &[Camera],
         halvings: u32,
         storage: Storage,
+        background: Option<[f32; 3]>,
     ) -> Result<Self> {
         let smaller = |halvings: u32| cameras.iter().map(move |camera| halved(camera, halvings));
         let all: Vec<Camera> = (0..=halvings).flat_map(smaller).collect();
-        Ok(Views { photos: cameras.len() as u32, ..Self::make(context, origin, &all, Some(storage))? })
+        Ok(Views { photos: cameras.len() as u32, ..Self::make(context, origin, &all, Some(storage), background)? })
     }
 
     /// Maximum number of halvings of the photographs.
@@ -121,13 +123,19 @@ impl Views {
         cameras: &[Camera],
         photographs: bool,
     ) -> Result<Self> {
-        Self::make(context, origin, cameras, photographs.then_some(Storage::Device))
+        Self::make(context, origin, cameras, photographs.then_some(Storage::Device), None)
     }
 
-    fn make(context: &Context, origin: DVec3, cameras: &[Camera], storage: Option<Storage>) -> Result<Self> {
+    fn make(
+        context: &Context,
+        origin: DVec3,
+        cameras: &[Camera],
+        storage: Option<Storage>,
+        background: Option<[f32; 3]>,
+    ) -> Result<Self> {
         // guard: views around the origin
         let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.around(origin)).collect();
-        let photographs = Photographs::new(context, &cameras, storage)?;
+        let photographs = Photographs::new(context, &cameras, storage, background)?;
         let frame = |(v, camera): (usize, &Camera)| Frame {
             image_first: 0,
             target_first: photographs.first(v),
@@ -157,13 +165,23 @@ impl Views {
         self.photographs.read(v)
     }
 
-    /// The buffer from which the next commands can read the photograph of view `v`. Unless it lies in device
-    /// memory, records a copy, which replaces the photograph of the view before.
+    /// The buffer from which the next commands can read the photograph of view `v`; if it is transparent, over `background` (sRGB, 255ths) or
+    /// else the data set's. Unless it lies in device memory as it is needed, records a copy, which replaces the photograph of the view before.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read.
-    pub fn record_photograph(&self, recorder: &mut Recorder, v: u32) -> Result<&Buffer<u32>> {
-        self.photographs.record(recorder, v as usize)
+    pub fn record_photograph(
+        &self,
+        recorder: &mut Recorder,
+        v: u32,
+        background: Option<[u8; 3]>,
+    ) -> Result<&Buffer<u32>> {
+        self.photographs.record(recorder, v as usize, background)
+    }
+
+    /// Whether the photographs are transparent, so that steps may choose a background.
+    pub fn are_transparent(&self) -> bool {
+        self.photographs.are_transparent()
     }
 
     /// Maximum number of views per submission: host memory for those in flight is limited.

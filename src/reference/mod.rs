@@ -15,6 +15,7 @@ pub mod betas;
 pub mod blend;
 pub mod blend_backward;
 pub mod blend_backward_atomic;
+pub mod composite;
 pub mod density_apply;
 pub mod density_draw;
 pub mod density_image;

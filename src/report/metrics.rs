@@ -73,21 +73,21 @@ pub fn ssim(pair: &Pair) -> Result<f64> {
     let counted = pair.check()?;
     let (width, height) = (pair.width as usize, pair.height as usize);
     let weights = weights();
-    let mut sum = 0.0;
-    for channel in 0..3 {
+    let of_channel = |channel: usize| {
         let y: Vec<f64> = pair.reference[channel..].iter().step_by(3).map(|v| *v as f64 / 255.0).collect();
         let image = pair.image[channel..].iter().step_by(3).enumerate();
         let x: Vec<f64> = image.map(|(i, &v)| if pair.counts(i) { value(v) } else { y[i] }).collect();
-        let blurred = |f: &dyn Fn(f64, f64) -> f64| {
+        let blurred = |f: fn(f64, f64) -> f64| {
             let product: Vec<f64> = x.iter().zip(&y).map(|(x, y)| f(*x, *y)).collect();
             blur(&product, width, height, &weights)
         };
-        let (mx, my) = (blurred(&|x, _| x), blurred(&|_, y| y));
-        let (xx, yy, xy) = (blurred(&|x, _| x * x), blurred(&|_, y| y * y), blurred(&|x, y| x * y));
+        let (mx, my) = (blurred(|x, _| x), blurred(|_, y| y));
+        let (xx, yy, xy) = (blurred(|x, _| x * x), blurred(|_, y| y * y), blurred(|x, y| x * y));
         let of = |i: usize| similarity(mx[i], my[i], xx[i], yy[i], xy[i]);
-        sum += (0..width * height).filter(|&i| pair.counts(i)).map(of).sum::<f64>();
-    }
-    Ok(sum / (3 * counted) as f64)
+        (0..width * height).filter(|&i| pair.counts(i)).map(of).sum::<f64>()
+    };
+    let sums: Vec<f64> = (0..3).into_par_iter().map(of_channel).collect();
+    Ok(sums.iter().sum::<f64>() / (3 * counted) as f64)
 }
 
 /// SSIM from the windowed means of x, y, x², y², xy.
@@ -104,26 +104,28 @@ fn weights() -> [f64; WINDOW] {
     raw.map(|w| w / sum)
 }
 
-/// Blurs `[height · width]` along x, then along y.
+/// Blurs `[height · width]` along x, then along y. Each sum is one of a fixed order.
 fn blur(image: &[f64], width: usize, height: usize, weights: &[f64; WINDOW]) -> Vec<f64> {
     const HALF: usize = WINDOW / 2;
     let mut rows = vec![0.0; image.len()];
-    for (row, out) in image.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-        for (x, out) in out.iter_mut().enumerate() {
-            for k in x.saturating_sub(HALF)..(x + HALF + 1).min(width) {
-                *out += weights[k + HALF - x] * row[k];
+    image.par_chunks_exact(width).zip(rows.par_chunks_exact_mut(width)).for_each(|(row, out)| {
+        for (k, weight) in weights.iter().enumerate() {
+            // Output x takes input x + k − HALF.
+            let (skipped, from) = (HALF.saturating_sub(k).min(width), k.saturating_sub(HALF).min(width));
+            for (out, v) in out[skipped..].iter_mut().zip(&row[from..]) {
+                *out += weight * v;
             }
         }
-    }
+    });
     let mut both = vec![0.0; image.len()];
-    for (y, out) in both.chunks_exact_mut(width).enumerate() {
+    both.par_chunks_exact_mut(width).enumerate().for_each(|(y, out)| {
         for k in y.saturating_sub(HALF)..(y + HALF + 1).min(height) {
             let weight = weights[k + HALF - y];
             for (out, v) in out.iter_mut().zip(&rows[k * width..]) {
                 *out += weight * v;
             }
         }
-    }
+    });
     both
 }
 

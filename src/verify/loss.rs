@@ -6,6 +6,7 @@ use crate::{
     gpu::{Buffer, Recorder},
     pipelines::loss::{self as pipeline, LossOptions, Photometric, TileLists, Tiles},
     stages::{
+        WORKGROUP, composite,
         ssim::{tiles_for, tiles_per_frame},
         types::Frame,
     },
@@ -28,7 +29,20 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
             bench.run(|r| there.loss.record_probe(r, &batch, &there.image_grad, width * height, 12_345))?;
         }
     }
-    Ok(())
+    over_a_background(bench, if quick { 5003 } else { 500_003 })
+}
+
+/// Pixels of every opacity, over a background that is darker in one channel, lighter in the others.
+fn over_a_background(bench: &Bench<'_>, pixels: u32) -> Result<()> {
+    let (context, first) = (&bench.shadowed, 77);
+    let stored: Vec<u32> = (0..first + pixels).map(noise).collect();
+    let photographs = Buffer::from_slice(context, "photographs", &stored)?;
+    let targets = Buffer::from_slice(context, "targets", &vec![9u32; pixels as usize])?;
+    let spec = composite::Spec { workgroup_size: context.info().workgroup(WORKGROUP) };
+    let stage = composite::Stage::new(context, &spec)?;
+    let buffers = composite::Buffers { photographs: &photographs, targets: &targets };
+    let push = composite::Push { first, pixels, change: [-127, 255, 64] };
+    bench.run(|recorder| stage.record(recorder, &buffers, &push, pixels))
 }
 
 /// Whether a frame's tiles are in the tile list.

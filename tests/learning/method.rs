@@ -15,7 +15,7 @@ use glint::{
         pursuit::FEW_CANDIDATES,
         session::{Policy, Session},
         spend::{MOST_BY_BYTES, MOST_BY_GAIN},
-        train::{BaseOptions, HALVED_UNTIL},
+        train::{BaseOptions, HALVED_UNTIL, VARIED_NTH},
         views::Views,
     },
     reference::{
@@ -70,6 +70,7 @@ fn numbers_of_training() -> BTreeMap<&'static str, f64> {
         ("Adam's second decay", BETA2),
         ("base: half the sides until, of the run", HALVED_UNTIL[0]),
         ("base: a quarter of the sides until, of the run", HALVED_UNTIL[1]),
+        ("base: of so many steps one has a random background", VARIED_NTH.into()),
         ("base: rate of positions at first, of the extent", first.mean.into()),
         ("base: rate of positions at last, of the extent", last.mean.into()),
         ("base: rate of scales", first.log_scale.into()),

@@ -7,7 +7,7 @@ use glint::{
         learn::{Lesson, Rates, learning_bytes},
         model::{Model, Room, Segment},
         photographs::Storage,
-        train::{StepPlan, Trainer, permutations},
+        train::{BaseOptions, StepPlan, Trainer, permutations, train_base},
         views::Views,
     },
     reference::random_scene,
@@ -35,9 +35,10 @@ fn trained(storage: Storage, host: bool) -> (Vec<u64>, Vec<u32>, Memory) {
             ..Camera::new(40 - v % 9, 30 - v % 5, 40.0)
         })
         .collect();
-    let views = Views::halved(&gpu, DVec3::ZERO, &cameras, 1, storage).unwrap();
+    let views = Views::halved(&gpu, DVec3::ZERO, &cameras, 1, storage, Some([0.2; 3])).unwrap();
     for (v, camera) in views.cameras.iter().enumerate() {
-        let pixel = |i: u32| 0xFF00_0000 | (v as u32 * 7919 + i).wrapping_mul(2_654_435_761) >> 8;
+        // Of any opacity.
+        let pixel = |i: u32| 0x100_0000 | (v as u32 * 7919 + i).wrapping_mul(2_654_435_761);
         let packed: Vec<u32> = (0..camera.pixels()).map(pixel).collect();
         views.upload_photograph(v, &packed).unwrap();
         assert!(views.download_photograph(v).unwrap() == packed, "view {v}");
@@ -77,10 +78,32 @@ fn training_gives_the_same_bits_wherever_photographs_and_gaussians_lie() {
     }
 }
 
+/// Where photographs are transparent, a Gaussian of their background's color is no part of them.
+#[test]
+fn black_gaussians_before_a_transparent_black_background_fade() {
+    let faded = [true, false].map(|transparent| {
+        let (gpu, camera) = (Gpu::new(), Camera::new(32, 24, 40.0));
+        let background = transparent.then_some([0.0; 3]);
+        let views = Views::halved(&gpu, DVec3::ZERO, &[camera], 0, Storage::Device, background).unwrap();
+        // A packed opacity of 1 is transparent.
+        let black = if transparent { 0x100_0000 } else { 0xFF00_0000 };
+        views.upload_photograph(0, &[black; 32 * 24]).unwrap();
+        let mut scene = random_scene(5, 1, 0, 0);
+        scene.base.sh.fill([-2.0; 3]);
+        (scene.base.means[0], scene.base.log_scales[0], scene.base.opacities[0]) = ([0.0, 0.0, 4.0], [-0.5; 3], 2.0);
+        let model = Model::upload(&gpu, &scene, 0).unwrap();
+        let options = BaseOptions { iterations: 64, sh_degree: 0, ..Default::default() };
+        train_base(&session(&gpu), &model, &views, &options, false, |_| ()).unwrap();
+        2.0 - model.download().unwrap().base.opacities[0]
+    });
+    // Eight steps have another color; without them nothing differs from the photograph.
+    assert!(faded[0] > 1.0 && faded[1] == 0.0, "{faded:?}");
+}
+
 #[test]
 fn several_views_at_once_need_photographs_on_the_device() {
     let gpu = Gpu::new();
-    let views = Views::halved(&gpu, DVec3::ZERO, &[Camera::new(8, 6, 9.0)], 0, Storage::Host).unwrap();
+    let views = Views::halved(&gpu, DVec3::ZERO, &[Camera::new(8, 6, 9.0)], 0, Storage::Host, None).unwrap();
     let said = views.targets(0).err().unwrap().to_string();
     assert!(said.contains("photographs in device memory"), "{said}");
 }
@@ -90,8 +113,8 @@ fn several_views_at_once_need_photographs_on_the_device() {
 fn a_file_that_cannot_be_read_is_named() {
     let gpu = Gpu::new();
     let storage = Storage::File(tempfile::tempfile().unwrap(), "some/folder".into());
-    let views = Views::halved(&gpu, DVec3::ZERO, &[Camera::new(8, 6, 9.0)], 0, storage).unwrap();
+    let views = Views::halved(&gpu, DVec3::ZERO, &[Camera::new(8, 6, 9.0)], 0, storage, None).unwrap();
     let mut recorder = gpu.recorder("photograph").unwrap();
-    let said = views.record_photograph(&mut recorder, 0).err().unwrap().to_string();
+    let said = views.record_photograph(&mut recorder, 0, None).err().unwrap().to_string();
     assert!(said.starts_with("some/folder: "), "{said}");
 }

@@ -311,7 +311,7 @@ impl Placer {
         let page = self.pages.iter().find(|page| page.views.contains(&view));
         let Some(page) = page else { return Err(too_many()) };
         let pixels = camera.pixels();
-        let targets = views.record_photograph(recorder, view)?;
+        let targets = views.record_photograph(recorder, view, None)?;
         self.stages.residual.record(
             recorder,
             &pursuit_residual::Buffers {

@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-twins!(loss_probe, loss_sum, ssim_backward, ssim_forward);
+twins!(composite, loss_probe, loss_sum, ssim_backward, ssim_forward);
 
 /// The twins only have the method's weight.
 fn check(ssim_weight: f32) -> Outcome {
@@ -137,6 +137,14 @@ pub(super) fn ssim_backward(h: kernels::ssim_backward::Host<'_>) -> Outcome {
             to.iter_mut().zip(grads[pixel]).for_each(|(to, g)| *to = g as f32);
         }
     }
+    Ok(())
+}
+
+pub(super) fn composite(h: kernels::composite::Host<'_>) -> Outcome {
+    let kernels::composite::Push { first, pixels, change } = h.push;
+    let count = h.workgroups.threads().min(pixels as usize);
+    let stored = &h.photographs[first as usize..][..count];
+    h.targets.iter_mut().zip(stored).for_each(|(to, &stored)| *to = twin::composite::composite(stored, change));
     Ok(())
 }
 
