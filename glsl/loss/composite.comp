@@ -11,7 +11,7 @@
 layout(push_constant, scalar) uniform Push {
     uint first;  // first pixel in photographs
     uint pixels;
-    ivec3 change; // the step's background less the data set's, in 255ths
+    ivec3 change; // the step's background less the data set's, in steps of 1/255
 } push;
 
 layout(set = 0, binding = 0, scalar) readonly buffer Photographs { uint photographs[]; };

@@ -39,7 +39,7 @@ pub(super) struct Photographs {
 /// Composites transparent photographs over a background that each step chooses.
 struct Compositor {
     stage: composite::Stage,
-    /// The background that the stored colors lie over, 255ths.
+    /// The background that the stored colors lie over, sRGB bytes.
     background: [u8; 3],
     /// Device memory for the photograph of a step.
     targets: Buffer<u32>,

@@ -60,7 +60,7 @@ struct Training {
     views_per_step: u32,
     plan: Box<dyn Fn(u32) -> StepPlan + Send>,
     background: [f32; 3],
-    /// Of random backgrounds.
+    /// Seed of random backgrounds.
     seed: u64,
     /// One for each learner, if the number of Gaussians changes.
     density: Vec<Density>,

@@ -165,7 +165,7 @@ impl Views {
         self.photographs.read(v)
     }
 
-    /// The buffer from which the next commands can read the photograph of view `v`; if it is transparent, over `background` (sRGB, 255ths) or
+    /// The buffer from which the next commands can read the photograph of view `v`; if it is transparent, over `background` (sRGB bytes) or
     /// else the data set's. Unless it lies in device memory as it is needed, records a copy, which replaces the photograph of the view before.
     ///
     /// # Errors
