@@ -355,7 +355,7 @@ impl Args {
         let session =
             self.common.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
         let (views, checksums) =
-            upload(context, &photos, dataset.background, course.halvings, (self.storage(on)?, true))?;
+            upload(context, &photos, dataset.background, course.halvings, (self.storage(on)?, !self.exposure))?;
         self.tell_memory(
             if on == PhotosOn::Device { pixels } else { 0 },
             most,
@@ -441,7 +441,7 @@ impl Args {
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));
         }
         if transparent {
-            tracing::info!("photos are transparent: one step in {VARIED_NTH} shows them over a random color");
+            tracing::info!("transparent photos: one step in {VARIED_NTH} shows them over a random color");
         }
         if halvings > 0 {
             let times = if halvings == 1 { "once" } else { "twice" };

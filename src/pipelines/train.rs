@@ -426,7 +426,8 @@ impl On<'_> {
         let On { training, model, views } = self;
         let Training { renderer, loss, .. } = &**training;
         let view = training.schedule[at as usize];
-        let varied = views.are_transparent() && at.is_multiple_of(VARIED_NTH);
+        // A photograph's map of exposure would change the background, too.
+        let varied = views.are_transparent() && training.exposure.is_none() && at.is_multiple_of(VARIED_NTH);
         let varied = varied.then(|| background_of(training.seed, at));
         let targets = views.record_photograph(recorder, view, varied)?;
         let background = varied.map_or(training.background, |color| color.map(|byte| f32::from(byte) / 255.0));
