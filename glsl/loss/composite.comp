@@ -1,5 +1,5 @@
 #version 460
-// Composites a photograph over a background. Training draws one for each step, so that black Gaussians in front of a transparent photograph's
+// Composites a photograph over a background. Training draws one for some steps, so that black Gaussians in front of a transparent photograph's
 // black background cost error.
 //
 // One thread takes one pixel. photographs (RGB over the data set's background; A: 0 if the pixel does not count, else opacity, from 1 for

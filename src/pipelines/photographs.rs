@@ -141,11 +141,6 @@ impl Photographs {
         }
     }
 
-    /// Whether the photographs are transparent.
-    pub fn are_transparent(&self) -> bool {
-        self.compositor.is_some()
-    }
-
     /// Stores a photograph. Waits.
     pub fn write(&self, v: usize, packed: &[u32]) -> Result<()> {
         let Place { page, first, pixels } = self.places[v];

@@ -83,7 +83,7 @@ pub fn store_photos(
     }
     let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
     let transparent = (transparent && photos.iter().any(|photo| photo.shows_background())).then_some(background);
-    let views = Views::halved(context, origin_for(&cameras), &cameras, halvings, storage, transparent)?;
+    let mut views = Views::halved(context, origin_for(&cameras), &cameras, halvings, storage, transparent)?;
     let (mut done, mut any_counts) = (0, photos.is_empty());
     // Each size is made from the next larger one.
     let sizes = |photo: &Photo, image: Image| {
@@ -105,9 +105,11 @@ pub fn store_photos(
         }
         Ok((any_counts, packed))
     };
+    let mut any_transparent = false;
     load_photos(photos, background, all, |loaded: Result<_>| {
         let (counts, sizes) = loaded?;
         any_counts |= counts;
+        any_transparent |= sizes.iter().flatten().any(|word| (1..255).contains(&(word >> 24)));
         for (packed, view) in sizes.iter().zip((done..).step_by(photos.len())) {
             views.upload_photograph(view, packed)?;
         }
@@ -120,6 +122,7 @@ pub fn store_photos(
             "no pixel of the training photos counts: masks or lenses leave out all of them".into(),
         ));
     }
+    views.transparent &= any_transparent;
     Ok(views)
 }
 

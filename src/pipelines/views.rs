@@ -27,6 +27,8 @@ pub struct Views {
     /// Copy of `frames` on the host.
     pub frame_list: Vec<Frame>,
     photographs: Photographs,
+    /// Pixels of some photograph are transparent.
+    pub(super) transparent: bool,
     /// Cameras, in coordinates relative to `origin`.
     pub cameras: Vec<Camera>,
     /// Number of photographs, 0 if there are none: view v + k · `photos` is view v < `photos` with its sides
@@ -145,6 +147,7 @@ impl Views {
         let frames: Vec<Frame> = cameras.iter().enumerate().map(frame).collect();
         let list: Vec<View> = cameras.iter().map(|camera| view(camera, 0)).collect();
         Ok(Views {
+            transparent: background.is_some(),
             views: Buffer::from_slice(context, "views", &list)?,
             frames: Buffer::from_slice(context, "frames", &frames)?,
             photographs,
@@ -181,7 +184,7 @@ impl Views {
 
     /// Whether the photographs are transparent, so that steps may choose a background.
     pub fn are_transparent(&self) -> bool {
-        self.photographs.are_transparent()
+        self.transparent
     }
 
     /// Maximum number of views per submission: host memory for those in flight is limited.

@@ -1,7 +1,7 @@
 //! Twin of `composite.comp`: a transparent photograph over another background.
 
-/// The packed pixel `stored` over a background that differs by `change` from the one that its colors lie over, in steps of 1/255. Its high byte is its
-/// opacity, from 1 for transparent to 255, and becomes 255; 0, a pixel that does not count, stays.
+/// The packed pixel `stored` over a background that differs by `change` from the one that its colors lie over, in steps of 1/255. Its high
+/// byte is its opacity, from 1 for transparent to 255, and becomes 255; 0, a pixel that does not count, stays.
 pub fn composite(stored: u32, change: [i32; 3]) -> u32 {
     let [colors @ .., opacity] = stored.to_le_bytes();
     // Of a product without rounding, so that halves are halves.

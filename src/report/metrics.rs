@@ -104,7 +104,7 @@ fn weights() -> [f64; WINDOW] {
     raw.map(|w| w / sum)
 }
 
-/// Blurs `[height · width]` along x, then along y. Each sum is one of a fixed order.
+/// Blurs `[height · width]` along x, then along y. Sums have the same order on any number of threads.
 fn blur(image: &[f64], width: usize, height: usize, weights: &[f64; WINDOW]) -> Vec<f64> {
     const HALF: usize = WINDOW / 2;
     let mut rows = vec![0.0; image.len()];
