@@ -8,7 +8,6 @@ use std::{
 };
 
 use crate::{
-    data::to_byte,
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
     scene::Camera,
@@ -101,7 +100,11 @@ impl Photographs {
         let compositor = |background: [f32; 3]| {
             let spec = composite::Spec { workgroup_size: context.info().workgroup(WORKGROUP) };
             let stage = composite::Stage::new(context, &spec)?;
-            Ok::<_, GpuError>(Compositor { stage, background: background.map(to_byte), targets: slot()? })
+            Ok::<_, GpuError>(Compositor {
+                stage,
+                background: background.map(|value| (255.0 * value).round() as u8),
+                targets: slot()?,
+            })
         };
         let compositor = background.map(compositor).transpose()?;
         let source = match storage {

@@ -1,9 +1,7 @@
 //! Layout of a Gaussian's parameters: the host's side of `glsl/shared/model.glsl`, which defines the numbers.
 //! Models on the device, the float64 twins and the tests all access planes through this module.
 
-use std::ops::Range;
-
-use rayon::prelude::*;
+use std::{num::NonZero, ops::Range, thread};
 
 use super::{Gaussians, Lobes, color};
 use crate::{gpu::f16, stages::constants::model};
@@ -54,12 +52,28 @@ pub const fn at(p: usize, stride: usize, place: usize) -> usize {
 /// `stride`; 0 elsewhere.
 pub fn page(planes: usize, stride: usize, count: usize, value: impl Fn(usize, usize) -> f32 + Sync) -> Vec<[f32; 4]> {
     let mut page = vec![[0.0; 4]; quads(planes) * stride];
-    page.par_chunks_mut(stride.max(1)).enumerate().for_each(|(q, quads)| {
-        quads[..count].par_iter_mut().with_min_len(PLACES_AT_ONCE).enumerate().for_each(|(place, quad)| {
-            quad.iter_mut().zip(4 * q..planes).for_each(|(number, p)| *number = value(p, place));
-        });
-    });
+    for (q, quads) in page.chunks_mut(stride.max(1)).enumerate() {
+        let quad = |place| [0, 1, 2, 3].map(|k| if 4 * q + k < planes { value(4 * q + k, place) } else { 0.0 });
+        fill(&mut quads[..count], quad);
+    }
     page
+}
+
+/// Writes the value of each index, by as many threads as are worth it.
+fn fill<T: Send>(out: &mut [T], value: impl Fn(usize) -> T + Sync) {
+    let threads = thread::available_parallelism().map_or(1, NonZero::get);
+    let (value, piece) = (&value, out.len().div_ceil(threads).max(PLACES_AT_ONCE));
+    let several = out.len() > piece;
+    thread::scope(|scope| {
+        for (k, some) in out.chunks_mut(piece).enumerate() {
+            let mut work = move || some.iter_mut().enumerate().for_each(|(i, to)| *to = value(k * piece + i));
+            if several {
+                scope.spawn(work);
+            } else {
+                work();
+            }
+        }
+    });
 }
 
 /// Planes of a page, one after the other.
@@ -195,7 +209,8 @@ pub fn unpack_geometry(packed: [f32; HALF_GEOMETRY_PLANES]) -> [f32; GEOMETRY_PL
 /// [`page`].
 pub fn pack_geometry_page(stride: usize, count: usize, value: impl Fn(usize, usize) -> f32 + Sync) -> Vec<[f32; 4]> {
     let packed = |place| pack_geometry(std::array::from_fn(|p| value(p, place)));
-    let all: Vec<_> = (0..count).into_par_iter().with_min_len(PLACES_AT_ONCE).map(packed).collect();
+    let mut all = vec![[0.0; HALF_GEOMETRY_PLANES]; count];
+    fill(&mut all, packed);
     page(HALF_GEOMETRY_PLANES, stride, count, |p, place| all[place][p])
 }
 
