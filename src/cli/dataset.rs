@@ -101,11 +101,12 @@ pub(super) fn upload(
     photos: &[&Photo],
     background: [f32; 3],
     halvings: u32,
-    storage: (Storage, bool),
+    storage: Storage,
+    transparent: bool,
 ) -> Result<(Views, Vec<u32>)> {
     let reading = Progress::new("reading", "photos", photos.len() as u64);
     let (mut checksums, mut uncounted) = (Vec::with_capacity(photos.len()), 0);
-    let views = store_photos(context, photos, background, halvings, storage, |done, words| {
+    let views = store_photos(context, photos, background, halvings, storage, transparent, |done, words| {
         checksums.push(crc32fast::hash(bytemuck::cast_slice(words)));
         uncounted += usize::from(words.iter().all(|pixel| pixel >> 24 == 0));
         reading.set(done as u64);

@@ -313,7 +313,7 @@ impl Args {
         let Task { dataset, photos, scene, options, policy, trained_with } = task;
         let (background, extent) = (dataset.background, dataset.extent() as f32);
         let session = self.common.learn.session(context, *policy, background, extent, self.seed.into());
-        let (views, checksums) = upload(context, photos, background, 0, (Storage::Device, false))?;
+        let (views, checksums) = upload(context, photos, background, 0, Storage::Device, false)?;
         // A run by time has another number of steps each time, so it has no checkpoint.
         let mut kept = None;
         if self.time.is_none() {

@@ -355,12 +355,13 @@ impl Args {
         let session =
             self.common.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
         let (views, checksums) =
-            upload(context, &photos, dataset.background, course.halvings, (self.storage(on)?, !self.exposure))?;
+            upload(context, &photos, dataset.background, course.halvings, self.storage(on)?, !self.exposure)?;
         self.tell_memory(
             if on == PhotosOn::Device { pixels } else { 0 },
             most,
             gaussians_on,
-            (course.halvings, views.are_transparent()),
+            course.halvings,
+            views.are_transparent(),
         );
 
         let mut base = first.gaussians;
@@ -435,7 +436,7 @@ impl Args {
     }
 
     /// Logs the expected device memory, with photos of `pixels` in it.
-    fn tell_memory(&self, pixels: u64, most: u32, gaussians_on: GaussiansOn, (halvings, transparent): (u32, bool)) {
+    fn tell_memory(&self, pixels: u64, most: u32, gaussians_on: GaussiansOn, halvings: u32, transparent: bool) {
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
         if pixels > 0 {
             tracing::info!("on the device: {:.1} MB of photos", megabytes(4 * pixels));

@@ -277,9 +277,10 @@ mod tests {
         own.put_opacity(&mut packed, (backgrounds[0], backgrounds[1]), &other);
         for ((word, before), opacity) in packed.iter().zip(&before).zip(opacities) {
             assert_eq!(word & 0xFF_FFFF, before & 0xFF_FFFF);
-            // Of each color half a step of 255 is lost, of the three changes 3 of 714 at most.
+            // Both pictures round each color by half a step, so the sum of three changes is off by 3 of 714 at most: 1.1 of 254. Its
+            // opacity is rounded by a half.
             let off = f64::from(word >> 24) - (1.0 + 254.0 * f64::from(opacity) / 255.0);
-            assert!(if before >> 24 == 0 { *word >> 24 == 0 } else { off.abs() <= 1.7 }, "{opacity}: {word:#x}");
+            assert!(if before >> 24 == 0 { *word >> 24 == 0 } else { off.abs() <= 1.6 }, "{opacity}: {word:#x}");
         }
     }
 }

@@ -144,6 +144,16 @@ impl Photographs {
         }
     }
 
+    /// Whether the photographs are transparent.
+    pub fn are_transparent(&self) -> bool {
+        self.compositor.is_some()
+    }
+
+    /// Ends compositing; returns whether there was any.
+    pub fn drop_opacities(&mut self) -> bool {
+        self.compositor.take().is_some()
+    }
+
     /// Stores a photograph. Waits.
     pub fn write(&self, v: usize, packed: &[u32]) -> Result<()> {
         let Place { page, first, pixels } = self.places[v];

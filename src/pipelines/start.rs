@@ -60,7 +60,7 @@ pub fn upload_photos(
     halvings: u32,
     progress: impl FnMut(usize, &[u32]),
 ) -> Result<Views> {
-    store_photos(context, photos, background, halvings, (Storage::Device, false), progress)
+    store_photos(context, photos, background, halvings, Storage::Device, false, progress)
 }
 
 /// Uploads the cameras of `photos`, and stores their photographs as targets, with copies whose sides are halved
@@ -75,7 +75,8 @@ pub fn store_photos(
     photos: &[&Photo],
     background: [f32; 3],
     halvings: u32,
-    (storage, transparent): (Storage, bool),
+    storage: Storage,
+    transparent: bool,
     mut progress: impl FnMut(usize, &[u32]),
 ) -> Result<Views> {
     if let Some(error) = photos.iter().find_map(|photo| too_large(photo, context.info().max_storage_bytes)) {
@@ -99,6 +100,7 @@ pub fn store_photos(
         let (any_counts, sizes_of) = (image.any_counts(), sizes(photo, image));
         let mut packed: Vec<_> = sizes_of.iter().map(Image::packed).collect();
         if transparent.is_some() && photo.shows_background() {
+            // A second picture tells the opacity after lens, mask and reduction, without a fourth channel in all of them.
             for ((packed, image), other) in packed.iter_mut().zip(&sizes_of).zip(sizes(photo, photo.load(far)?)) {
                 image.put_opacity(packed, (background, far), &other);
             }
@@ -122,7 +124,9 @@ pub fn store_photos(
             "no pixel of the training photos counts: masks or lenses leave out all of them".into(),
         ));
     }
-    views.transparent &= any_transparent;
+    if !any_transparent {
+        views.drop_opacities()?;
+    }
     Ok(views)
 }
 

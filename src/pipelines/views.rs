@@ -27,8 +27,6 @@ pub struct Views {
     /// Copy of `frames` on the host.
     pub frame_list: Vec<Frame>,
     photographs: Photographs,
-    /// Pixels of some photograph are transparent.
-    pub(super) transparent: bool,
     /// Cameras, in coordinates relative to `origin`.
     pub cameras: Vec<Camera>,
     /// Number of photographs, 0 if there are none: view v + k · `photos` is view v < `photos` with its sides
@@ -147,7 +145,6 @@ impl Views {
         let frames: Vec<Frame> = cameras.iter().enumerate().map(frame).collect();
         let list: Vec<View> = cameras.iter().map(|camera| view(camera, 0)).collect();
         Ok(Views {
-            transparent: background.is_some(),
             views: Buffer::from_slice(context, "views", &list)?,
             frames: Buffer::from_slice(context, "frames", &frames)?,
             photographs,
@@ -161,6 +158,16 @@ impl Views {
     /// Stores the photograph of view `v`, packed by [`pack`], with alpha 0 for masked pixels. Waits.
     pub fn upload_photograph(&self, v: usize, packed: &[u32]) -> Result<()> {
         self.photographs.write(v, packed)
+    }
+
+    /// Photographs of which no pixel is transparent are read where they lie, without compositing. Waits.
+    pub fn drop_opacities(&mut self) -> Result<()> {
+        if self.photographs.drop_opacities() {
+            let firsts = self.frame_list.iter_mut().enumerate();
+            firsts.for_each(|(v, frame)| frame.target_first = self.photographs.first(v));
+            self.frames.upload(0, &self.frame_list)?;
+        }
+        Ok(())
     }
 
     /// Reads the photograph of view `v` back. Waits.
@@ -184,7 +191,7 @@ impl Views {
 
     /// Whether the photographs are transparent, so that steps may choose a background.
     pub fn are_transparent(&self) -> bool {
-        self.transparent
+        self.photographs.are_transparent()
     }
 
     /// Maximum number of views per submission: host memory for those in flight is limited.

@@ -4,7 +4,7 @@
 /// byte is its opacity, from 1 for transparent to 255, and becomes 255; 0, a pixel that does not count, stays.
 pub fn composite(stored: u32, change: [i32; 3]) -> u32 {
     let [colors @ .., opacity] = stored.to_le_bytes();
-    // Of a product without rounding, so that halves are halves.
+    // The product is exact, so that a half is rounded as a half.
     let more = |c: usize| ((255.0 - f64::from(opacity)) * f64::from(change[c]) / 254.0).round();
     let over = |c: usize| (f64::from(colors[c]) + more(c)).clamp(0.0, 255.0) as u8;
     u32::from_le_bytes([over(0), over(1), over(2), if opacity == 0 { 0 } else { 255 }])

@@ -59,7 +59,7 @@ pub fn page(planes: usize, stride: usize, count: usize, value: impl Fn(usize, us
     page
 }
 
-/// Writes the value of each index, by as many threads as are worth it.
+/// Writes the value of each index, by as many threads as are worth it: plain ones, because the crate has no rayon without default features.
 fn fill<T: Send>(out: &mut [T], value: impl Fn(usize) -> T + Sync) {
     let threads = thread::available_parallelism().map_or(1, NonZero::get);
     let (value, piece) = (&value, out.len().div_ceil(threads).max(PLACES_AT_ONCE));

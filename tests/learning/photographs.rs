@@ -37,7 +37,7 @@ fn trained(storage: Storage, host: bool) -> (Vec<u64>, Vec<u32>, Memory) {
         .collect();
     let views = Views::halved(&gpu, DVec3::ZERO, &cameras, 1, storage, Some([0.2; 3])).unwrap();
     for (v, camera) in views.cameras.iter().enumerate() {
-        // Of any opacity.
+        // Opacities are random, and no pixel is masked.
         let pixel = |i: u32| 0x100_0000 | (v as u32 * 7919 + i).wrapping_mul(2_654_435_761);
         let packed: Vec<u32> = (0..camera.pixels()).map(pixel).collect();
         views.upload_photograph(v, &packed).unwrap();
