@@ -416,7 +416,7 @@ impl Args {
             Method::Pursuit => allowance.most().into_iter().max().unwrap_or_default(),
             Method::Augs => found.budgets.iter().sum(),
         };
-        tell_left_out(task, found, plain, budget);
+        tell_left_out(task, found, plain, budget, allowance.gaussians);
         Ok(Report {
             output: self.output.to_string_lossy().into_owned(),
             device: &context.info().name,
@@ -473,13 +473,12 @@ impl Args {
 }
 
 /// Prints notes if the budget was exceeded or nothing was added. `budget` counts all Gaussians allowed,
-/// `plain` the added ones without a lobe.
-fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32) {
+/// `most` those of --ratio, `plain` the added ones without a lobe.
+fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32, most: u32) {
     let (bases, ratio) = (task.scene.base.len(), task.options.ratio);
-    let cap = (ratio * bases as f64).ceil();
-    if f64::from(budget) > 1.1 * cap {
+    if f64::from(budget) > 1.1 * f64::from(most) {
         note(format!(
-            "each view's share is rounded up: --ratio {ratio} of {bases} Gaussians is {cap}, and {budget} were allowed"
+            "each view's share is rounded up: --ratio {ratio} of {bases} Gaussians is {most}, and {budget} were allowed"
         ));
     }
     let lost = found.base_losses.iter().filter(|loss| !loss.is_finite()).count();

@@ -11,7 +11,7 @@ pub(super) use first::fit;
 use first::{First, checksum};
 use serde::Serialize;
 use serde_json::json;
-use storage::{GaussiansOn, PhotosOn, photo_bytes};
+use storage::{GaussiansOn, PhotosOn, PlaceArgs, photo_bytes};
 
 use super::{
     CommonArgs, Look, Outcome, SceneArgs, WatchArgs, Watched, counted,
@@ -115,20 +115,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=HALVED_UNTIL.len() as i64))]
     #[serde(skip)]
     halvings: Option<u32>,
-    /// Place of the training photos: the device's memory, the host's, or a temporary file next to the output,
-    /// for datasets larger than both. From host and disk each step copies its photo to the device. The scene
-    /// does not depend on it [default: device; if the photos and the Gaussians do not fit there, host; if the
-    /// photos fill more than half of that or the device shares it, disk]
-    #[arg(long, value_name = "PLACE", value_enum)]
+    #[command(flatten)]
     #[serde(skip)]
-    photos_on: Option<PhotosOn>,
-    /// Place of the Gaussians: the device's memory, or the device's for positions, shapes and opacities and the
-    /// host's for colors and moments, for scenes larger than the device. Each step then accesses these over the
-    /// bus. The scene does not depend on it [default: device; host if --gaussians do not fit there and the
-    /// device does not share the host's memory]
-    #[arg(long, value_name = "PLACE", value_enum)]
-    #[serde(skip)]
-    gaussians_on: Option<GaussiansOn>,
+    place: PlaceArgs,
     /// Seed of random points and of the order of photos; the same seed and device give the same scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -222,9 +211,8 @@ struct Report<'a> {
     /// With --bytes: Gaussians with bands of this degree; the others have none.
     #[serde(skip_serializing_if = "Option::is_none")]
     banded: Option<usize>,
-    iterations: u32,
-    /// Steps done by an earlier run; included in `iterations`.
-    iterations_resumed: u32,
+    #[serde(flatten)]
+    length: Length,
     seed: u64,
     /// Number of times that the sides of photos were halved at first.
     halvings: u32,
@@ -240,6 +228,14 @@ struct Report<'a> {
     largest_exposure: Option<f32>,
     #[serde(flatten)]
     costs: Costs,
+}
+
+/// Steps of the run.
+#[derive(Serialize)]
+struct Length {
+    iterations: u32,
+    /// Steps done by an earlier run; included in `iterations`.
+    iterations_resumed: u32,
 }
 
 /// Device memory and times of the steps.
@@ -332,20 +328,8 @@ impl Args {
     fn train(&self, context: &Context, look_at: &mut Look<'_>, read: Read<'_>, mut first: First) -> Outcome {
         let Read { began, dataset, photos, test, holdout, policy, trained_with, inputs, replace } = read;
         let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
-        let (on, gaussians_on) = self.place(context, &mut first, pixels);
-        let mut course = Course {
-            sh_degree: self.degree(),
-            begins: first.begins,
-            strategy: self.model.strategy,
-            first: first.gaussians.len() as u32,
-            most: first.most as u32,
-            halvings: self
-                .halvings
-                .unwrap_or_else(|| if self.model.strategy.is_newton() { halvings_for(&photos) } else { 0 }),
-            bytes: self.model.bytes,
-            host: gaussians_on == GaussiansOn::Host,
-            classes: None,
-        };
+        let (on, gaussians_on) = self.placed(context, &mut first, pixels);
+        let mut course = self.course(&first, &photos, gaussians_on);
         // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);
         let most = course.most.max(course.first);
@@ -432,6 +416,22 @@ impl Args {
         match training.drive(&interrupt, look_at) {
             Ok(counts) => training.finish(had, counts, interrupt),
             Err(error) => Err(training.fail(error).into()),
+        }
+    }
+
+    /// The course of a run from these Gaussians.
+    fn course(&self, first: &First, photos: &[&Photo], on: GaussiansOn) -> Course {
+        let is_newton = self.model.strategy.is_newton();
+        Course {
+            sh_degree: self.degree(),
+            begins: first.begins,
+            strategy: self.model.strategy,
+            first: first.gaussians.len() as u32,
+            most: first.most as u32,
+            halvings: self.halvings.unwrap_or_else(|| if is_newton { halvings_for(photos) } else { 0 }),
+            bytes: self.model.bytes,
+            host: on == GaussiansOn::Host,
+            classes: None,
         }
     }
 

@@ -498,7 +498,7 @@ impl Enhancer {
     fn share_out(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
         let renders = base_renders(&self.session, &mut self.renderer, &self.model, views)?;
         self.found.base_losses = renders.losses;
-        self.found.budgets = budgets(&self.found.base_losses, self.model.count(), self.options.ratio);
+        self.found.budgets = budgets(&self.found.base_losses, self.allowance.gaussians);
         self.model.reserve(Segment::Supplement, self.found.budgets.iter().sum())?;
         self.found.times.base = started.elapsed();
         let (schedule, first) = (self.options.schedule, Some(renders.first));

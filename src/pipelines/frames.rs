@@ -185,7 +185,7 @@ impl Frames {
         // SAFETY: by the contract above.
         let mut recorder = unsafe { Recorder::borrow(&self.context, commands, kept) };
         // SAFETY: by the contract above.
-        unsafe { self.record_into(&mut recorder, frame) }?;
+        unsafe { self.record_checked(&mut recorder, frame) };
         let report = &self.slots[frame.slot as usize].report;
         recorder.copy(&self.buffers.status, 0, report, 0, status::WORDS);
         recorder.copy(&self.raster.buffers.count, 0, report, status::WORDS, COUNTS);
@@ -206,6 +206,14 @@ impl Frames {
         if !recorder.context().is_same(&self.context) {
             return Err(Error::Usage("a recorder of another context than the frames'".into()));
         }
+        // SAFETY: by the contract above.
+        unsafe { self.record_checked(recorder, frame) };
+        Ok(())
+    }
+
+    /// # Safety
+    /// The contract of [`Frames::record`], for a checked frame.
+    unsafe fn record_checked(&self, recorder: &mut Recorder, frame: &Frame<'_>) {
         // The previous frame may still use the shared buffers.
         recorder.barrier();
         recorder.fill(&self.buffers.status, 0);
@@ -216,7 +224,6 @@ impl Frames {
             // SAFETY: by the contract above.
             unsafe { self.record_view(recorder, frame.instances, v, view) };
         }
-        Ok(())
     }
 
     /// Result of the frame last recorded in `slot`. Call it only after its commands have run.

@@ -117,14 +117,13 @@ pub struct ScreenGaussian {
     pub depth: f32,
 }
 
-/// Budget of 2D Gaussians for each view: n_i = ⌈⌈ratio · gaussians⌉ · ℓ_i / Σℓ⌉. A view gets none unless its
+/// Budget of 2D Gaussians for each view, of `most` in all: n_i = ⌈most · ℓ_i / Σℓ⌉. A view gets none unless its
 /// loss is a positive finite number.
-pub fn budgets(losses: &[f64], gaussians: u32, ratio: f64) -> Vec<u32> {
+pub fn budgets(losses: &[f64], most: u32) -> Vec<u32> {
     // guard: budgets of usable losses
     let usable = |loss: f64| if loss > 0.0 && loss.is_finite() { loss } else { 0.0 };
     let total: f64 = losses.iter().map(|&l| usable(l)).sum();
-    let budget = (ratio * f64::from(gaussians)).ceil();
-    losses.iter().map(|&l| if total > 0.0 { (budget * usable(l) / total).ceil() as u32 } else { 0 }).collect()
+    losses.iter().map(|&l| if total > 0.0 { (f64::from(most) * usable(l) / total).ceil() as u32 } else { 0 }).collect()
 }
 
 /// Renders of the base and their losses.

@@ -10,7 +10,6 @@ use super::{ALPHA_MIN, DILATION, Options, Splat, sigmoid};
 /// 0,1 centre (px); 2..4 rgb; 5 opacity logit; 6,7 log scale (px); 8 angle (rad); 9 depth (camera z, 0: none).
 pub type ScreenGaussian = [f64; 10];
 /// First plane of the centre, x and y.
-pub const CENTRE: usize = 0;
 /// First plane of the color, r, g and b.
 pub const COLOR: usize = 2;
 /// Plane of the opacity's logit.

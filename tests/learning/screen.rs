@@ -357,8 +357,8 @@ fn what_is_drawn_last_has_a_round_too() {
 
 #[test]
 fn budgets_are_shared_out_by_loss() {
-    assert_eq!(budgets(&[0.1, 0.3, 0.0, f64::NAN], 1000, 0.1), [25, 75, 0, 0]);
-    assert_eq!(budgets(&[0.2, 0.2, 0.2], 100, 0.1), [4, 4, 4]);
-    assert_eq!(budgets(&[0.0, 0.0], 100, 0.1), [0, 0]);
-    assert!(budgets(&[], 100, 0.1).is_empty());
+    assert_eq!(budgets(&[0.1, 0.3, 0.0, f64::NAN], 100), [25, 75, 0, 0]);
+    assert_eq!(budgets(&[0.2, 0.2, 0.2], 10), [4, 4, 4]);
+    assert_eq!(budgets(&[0.0, 0.0], 10), [0, 0]);
+    assert!(budgets(&[], 10).is_empty());
 }

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Args, Costs, Report, SUBMISSIONS};
+use super::{Args, Costs, Length, Report, SUBMISSIONS};
 use crate::{
     Error, Result,
     cli::{
@@ -369,8 +369,7 @@ impl Training<'_> {
             gaussians,
             sh_degree: color::of(sh_degree).harmonics,
             banded: course.bytes.map(|_| banded),
-            iterations: at.taken,
-            iterations_resumed: had,
+            length: Length { iterations: at.taken, iterations_resumed: had },
             seed: args.seed,
             halvings: course.halvings,
             tile: session.policy.tile(context.info()).to_string(),
@@ -417,7 +416,7 @@ impl Report<'_> {
             "{output}: {} of {colors} from {}\n{} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
             counted(self.gaussians, "Gaussian"),
             counted(self.photos, "photo"),
-            counted(self.iterations as usize, "step"),
+            counted(self.length.iterations as usize, "step"),
         )
     }
 }

@@ -39,6 +39,23 @@ pub(super) enum GaussiansOn {
     Host,
 }
 
+/// Where photos and Gaussians are to lie.
+#[derive(Debug, clap::Args)]
+pub(super) struct PlaceArgs {
+    /// Place of the training photos: the device's memory, the host's, or a temporary file next to the output,
+    /// for datasets larger than both. From host and disk each step copies its photo to the device. The scene
+    /// does not depend on it [default: device; if the photos and the Gaussians do not fit there, host; if the
+    /// photos fill more than half of that or the device shares it, disk]
+    #[arg(long, value_name = "PLACE", value_enum)]
+    photos_on: Option<PhotosOn>,
+    /// Place of the Gaussians: the device's memory, or the device's for positions, shapes and opacities and the
+    /// host's for colors and moments, for scenes larger than the device. Each step then accesses these over the
+    /// bus. The scene does not depend on it [default: device; host if --gaussians do not fit there and the
+    /// device does not share the host's memory]
+    #[arg(long, value_name = "PLACE", value_enum)]
+    gaussians_on: Option<GaussiansOn>,
+}
+
 impl GaussiansOn {
     /// The first that has room. `whole` and `geometry`: whether the device has room for all of the Gaussians, and for their geometry alone.
     /// `others` are the bytes that would lie in the memory of a host that the device does not share, of which `host` are free.
@@ -58,10 +75,11 @@ pub(super) fn photo_bytes(pixels: u64) -> u64 {
 impl Args {
     /// Chooses where photos of `pixels` and the Gaussians lie, and limits a default maximum of Gaussians to the device's memory. Prints
     /// notes on all of these.
-    pub(super) fn place(&self, context: &Context, first: &mut First, pixels: u64) -> (PhotosOn, GaussiansOn) {
+    pub(super) fn placed(&self, context: &Context, first: &mut First, pixels: u64) -> (PhotosOn, GaussiansOn) {
         let ([geometry, others], host) = (self.learning_bytes(), context.staging_memory());
         let fits = |bytes, pixels| fit(context.memory_at_most(), bytes, pixels) >= first.most;
-        let on = self.photos_on.unwrap_or_else(|| PhotosOn::choose(fits(geometry + others, pixels), host, pixels));
+        let on =
+            self.place.photos_on.unwrap_or_else(|| PhotosOn::choose(fits(geometry + others, pixels), host, pixels));
         let (place, in_host) = match on {
             PhotosOn::Device => (None, 0),
             PhotosOn::Host => (Some("in the host's memory"), photo_bytes(pixels)),
@@ -72,7 +90,7 @@ impl Args {
             false => format!(", because the device's memory does not hold {what}{} Gaussians", first.most),
         };
         if let Some(place) = place {
-            let why = why(self.photos_on.is_some(), "them and ");
+            let why = why(self.place.photos_on.is_some(), "them and ");
             let megabytes = photo_bytes(pixels) as f64 / 1e6;
             note(format!("up to {megabytes:.1} MB of photos lie {place}{why}; each step copies one to the device"));
         }
@@ -82,10 +100,11 @@ impl Args {
         let whole = self.model.gaussians.is_none() || fits(geometry + others, on_device);
         let others_of_all = others.saturating_mul(first.most as u64);
         let gaussians = self
+            .place
             .gaussians_on
             .unwrap_or_else(|| GaussiansOn::choose(whole, fits(geometry, on_device), host, others_of_all));
         if gaussians == GaussiansOn::Host {
-            let why = why(self.gaussians_on.is_some(), "");
+            let why = why(self.place.gaussians_on.is_some(), "");
             let megabytes = others_of_all as f64 / 1e6;
             note(format!(
                 "up to {megabytes:.1} MB of the Gaussians' colors and moments lie in the host's memory{why}; each step accesses them over the bus"
@@ -105,7 +124,7 @@ impl Args {
         let whole = memory / (geometry + others);
         let of_host = |host: u64| (HOST_PART * host as f64) as u64 / others;
         let apart = context.staging_memory().map(|host| of_host(host).min(memory / geometry));
-        match (self.gaussians_on, apart) {
+        match (self.place.gaussians_on, apart) {
             (Some(GaussiansOn::Device), _) | (_, None) => whole,
             (Some(GaussiansOn::Host), Some(apart)) => apart,
             (None, Some(apart)) => whole.max(apart),

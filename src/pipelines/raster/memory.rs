@@ -1,8 +1,9 @@
 //! Buffers of a raster, and their aliasing: lists that are not needed at the same time share memory.
 
+use super::Policy;
 use crate::{
     gpu::{Buffer, Context, DeviceInfo, GpuError, Unused},
-    pipelines::{plan::buffers, session::Policy},
+    pipelines::plan::buffers,
     stages::{
         blocks::{DIGIT_TOTALS, block_counts_len, block_sums_len},
         constants::slots::SLOTS_PER_BLOCK,
