@@ -30,6 +30,58 @@ fn every_kernel_has_a_stage_and_a_twin_of_its_name() {
     }
 }
 
+/// Names that a file imports from the crate: `crate::NAME` and the first level of `crate::{…}`.
+fn imports(code: &str) -> BTreeSet<&str> {
+    let word = |text: &'_ str| text.find(|c: char| !c.is_ascii_lowercase()).unwrap_or(text.len());
+    let mut names = BTreeSet::new();
+    for rest in code.split("crate::").skip(1) {
+        let Some(group) = rest.strip_prefix('{') else {
+            names.insert(&rest[..word(rest)]);
+            continue;
+        };
+        let (mut depth, mut first) = (0, 0);
+        for (at, c) in group.char_indices() {
+            match c {
+                '{' => depth += 1,
+                '}' if depth > 0 => depth -= 1,
+                ',' | '}' if depth == 0 => {
+                    let name = group[first..at].trim_start();
+                    names.insert(&name[..word(name)]);
+                    first = at + 1;
+                    if c == '}' {
+                        break;
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+    names
+}
+
+#[test]
+fn a_folder_imports_only_folders_before_it() {
+    const ORDER: [&str; 11] =
+        ["gpu", "error", "stages", "scene", "data", "pipelines", "reference", "report", "verify", "c", "cli"];
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut sources = Vec::new();
+    files(&src, "rs", &mut sources);
+    let mut seen = BTreeSet::new();
+    for path in &sources {
+        let first = path.strip_prefix(&src).unwrap().iter().next().unwrap().to_str().unwrap();
+        let Some(own) = ORDER.iter().position(|folder| *folder == first.trim_end_matches(".rs")) else { continue };
+        let text = fs::read_to_string(path).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap().lines();
+        let code: Vec<&str> = code.filter(|line| !line.trim_start().starts_with("//")).collect();
+        for name in imports(&code.join("\n")) {
+            let Some(other) = ORDER.iter().position(|folder| *folder == name) else { continue };
+            assert!(other <= own, "{path:?} imports {name}");
+            seen.insert((other, own));
+        }
+    }
+    assert!(seen.len() > 25, "{} kinds of imports found", seen.len());
+}
+
 #[test]
 fn unsafe_code_is_in_the_vulkan_layer_and_where_a_caller_hands_over_handles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
