@@ -5,8 +5,7 @@ use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 use image::{
-    DynamicImage, GrayImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage, Rgba32FImage,
-    RgbaImage, metadata::Orientation,
+    DynamicImage, GenericImageView, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits, metadata::Orientation,
 };
 
 use super::lens::Lens;
@@ -77,7 +76,8 @@ pub(super) struct Header {
 
 /// A decoded file.
 struct Source<'a> {
-    pixels: Buffer,
+    /// In one of the forms of [`known`].
+    pixels: DynamicImage,
     /// Masks of any size. A pixel is valid if it is white in all of them.
     masks: Vec<GrayImage>,
     alpha: Alpha,
@@ -86,58 +86,36 @@ struct Source<'a> {
     reduce: Reduce,
 }
 
-/// Pixels in their decoded type, to avoid a second copy in floats.
-enum Buffer {
-    Rgb(RgbImage),
-    Rgba(RgbaImage),
-    Wide(ImageBuffer<image::Rgba<u16>, Vec<u16>>),
-    Float(Rgba32FImage),
+/// Converts pixels of more than 8 bits to four channels of 16 bits or of floats.
+fn known(image: DynamicImage) -> DynamicImage {
+    match image.color().bytes_per_pixel() / image.color().channel_count() {
+        1 => image,
+        2 => image.into_rgba16().into(),
+        _ => image.into_rgba32f().into(),
+    }
 }
 
-impl Buffer {
-    fn new(image: DynamicImage) -> Buffer {
-        match image {
-            DynamicImage::ImageRgb8(_) | DynamicImage::ImageLuma8(_) => Buffer::Rgb(image.into_rgb8()),
-            DynamicImage::ImageRgba8(_) | DynamicImage::ImageLumaA8(_) => Buffer::Rgba(image.into_rgba8()),
-            DynamicImage::ImageLuma16(_)
-            | DynamicImage::ImageLumaA16(_)
-            | DynamicImage::ImageRgb16(_)
-            | DynamicImage::ImageRgba16(_) => Buffer::Wide(image.into_rgba16()),
-            image => Buffer::Float(image.into_rgba32f()),
+/// Color and opacity of a pixel.
+fn pixel(image: &DynamicImage, x: u32, y: u32) -> [f32; 4] {
+    let unit = |byte: u8| f32::from(byte) / 255.0;
+    match image {
+        DynamicImage::ImageRgb8(image) => {
+            let [r, g, b] = image.get_pixel(x, y).0;
+            [unit(r), unit(g), unit(b), 1.0]
         }
-    }
-
-    fn at(&self, x: u32, y: u32) -> [f32; 4] {
-        let unit = |byte: u8| f32::from(byte) / 255.0;
-        match self {
-            Buffer::Rgb(image) => {
-                let [r, g, b] = image.get_pixel(x, y).0;
-                [unit(r), unit(g), unit(b), 1.0]
-            }
-            Buffer::Rgba(image) => image.get_pixel(x, y).0.map(unit),
-            Buffer::Wide(image) => image.get_pixel(x, y).0.map(|word| f32::from(word) / 65535.0),
-            Buffer::Float(image) => image.get_pixel(x, y).0,
-        }
-    }
-
-    fn size(&self) -> [u32; 2] {
-        let (width, height) = match self {
-            Buffer::Rgb(image) => image.dimensions(),
-            Buffer::Rgba(image) => image.dimensions(),
-            Buffer::Wide(image) => image.dimensions(),
-            Buffer::Float(image) => image.dimensions(),
-        };
-        [width, height]
+        DynamicImage::ImageRgba16(image) => image.get_pixel(x, y).0.map(|word| f32::from(word) / 65535.0),
+        DynamicImage::ImageRgba32F(image) => image.get_pixel(x, y).0,
+        image => image.get_pixel(x, y).0.map(unit),
     }
 }
 
 impl Source<'_> {
     /// Color of a pixel of the file, then 1 if it is valid or 0 if it is masked.
     fn at(&self, x: u32, y: u32) -> [f32; 4] {
-        let [r, g, b, a] = self.pixels.at(x, y);
+        let [r, g, b, a] = pixel(&self.pixels, x, y);
         let counts = self.masks.iter().all(|mask| {
             // A mask may have another size than its photo.
-            let ([w, h], (mw, mh)) = (self.pixels.size(), mask.dimensions());
+            let ((w, h), (mw, mh)) = (self.pixels.dimensions(), mask.dimensions());
             let along = |at: u32, of: u32, to: u32| ((2 * at as u64 + 1) * to as u64 / (2 * of as u64)) as u32;
             mask.get_pixel(along(x, w, mw), along(y, h, mh)).0[0] != 0
         });
@@ -155,7 +133,7 @@ impl Source<'_> {
     /// Bilinear value at a position in pixels (centres at +0.5), clamped to the edges, or wrapped around for
     /// a sphere.
     fn sample(&self, x: f64, y: f64, wraps: bool) -> [f32; 4] {
-        let [width, height] = self.pixels.size();
+        let (width, height) = self.pixels.dimensions();
         let clamped = |at: f64, size: u32| {
             let last = size - 1;
             let at = (at - 0.5).max(0.0).min(last as f64);
@@ -178,7 +156,8 @@ impl Source<'_> {
 
     /// The picture of a pinhole camera, downscaled to the size `to`, row by row.
     fn prepare(&self, to: [u32; 2]) -> Image {
-        let [width, height] = self.lens.map_or(self.pixels.size(), |lens| [lens.view.width, lens.view.height]);
+        let all = self.pixels.dimensions();
+        let (width, height) = self.lens.map_or(all, |lens| (lens.view.width, lens.view.height));
         let wraps = self.lens.is_some_and(|lens| lens.distortion == super::Distortion::Equirectangular);
         let mut reducer = Reducer::new([width, height], to, self.reduce);
         let mut row = vec![[0.0; 4]; width as usize];
@@ -356,7 +335,7 @@ fn prepare(
     if lens.is_none() && masks.is_empty() && same_size && !decoded.color().has_alpha() {
         return Image { width, height, rgb: decoded.into_rgb8().into_raw(), mask: None };
     }
-    Source { pixels: Buffer::new(decoded), masks, alpha, background, lens, reduce }.prepare(to)
+    Source { pixels: known(decoded), masks, alpha, background, lens, reduce }.prepare(to)
 }
 
 /// Reads the mask of a photo of this size, white for valid pixels. The photo may be a downscaled copy. The
@@ -385,15 +364,15 @@ fn read_mask(path: &Path, photo: [u32; 2], orientation: u8) -> Result<GrayImage>
 /// darkens.
 fn where_it_counts(mask: DynamicImage) -> GrayImage {
     let step = if mask.color().bytes_per_pixel() > mask.color().channel_count() { 1.0 / 65535.0 } else { 1.0 / 255.0 };
-    let pixels = Buffer::new(mask);
-    let [width, height] = pixels.size();
-    let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixels.at(x, y));
-    let [r, g, b, a] = pixels.at(0, 0);
+    let pixels = known(mask);
+    let (width, height) = pixels.dimensions();
+    let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(&pixels, x, y));
+    let [r, g, b, a] = pixel(&pixels, 0, 0);
     let plain = all().all(|pixel| pixel[..3] == [r, g, b]) && all().any(|pixel| pixel[3] != a);
     let value = |[r, g, b, a]: [f32; 4]| if plain { a } else { r.max(g).max(b) * a };
     let largest = all().map(value).fold(0.0, f32::max);
     let least = if largest < (LABELS - 0.5) * step { 0.5 * step } else { 0.5 * largest };
-    let white = |x, y| image::Luma([if value(pixels.at(x, y)) >= least { 255 } else { 0 }]);
+    let white = |x, y| image::Luma([if value(pixel(&pixels, x, y)) >= least { 255 } else { 0 }]);
     GrayImage::from_fn(width, height, white)
 }
 
@@ -462,10 +441,12 @@ fn jpeg_is_cut(bytes: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use image::{ImageBuffer, RgbImage, RgbaImage};
+
     use super::*;
 
     fn source(image: DynamicImage, alpha: Alpha, background: [f32; 3]) -> Source<'static> {
-        Source { pixels: Buffer::new(image), masks: vec![], alpha, background, lens: None, reduce: Reduce::Area }
+        Source { pixels: known(image), masks: vec![], alpha, background, lens: None, reduce: Reduce::Area }
     }
 
     fn two(left: [u8; 4], right: [u8; 4]) -> DynamicImage {
@@ -562,7 +543,7 @@ mod tests {
         // The width in a PNG's header, and its checksum.
         let (png, mut huge) = (png.get_ref(), png.get_ref().clone());
         huge[16..20].copy_from_slice(&70000u32.to_be_bytes());
-        let checksum = crc(&huge[12..29]).to_be_bytes();
+        let checksum = crc32fast::hash(&huge[12..29]).to_be_bytes();
         huge[29..33].copy_from_slice(&checksum);
         assert!(fails(&huge).contains("70000 × 7"), "{}", fails(&huge));
         for at in 0..png.len() {
@@ -678,15 +659,9 @@ mod tests {
         let mut bytes = png.into_inner();
         bytes[16..20].copy_from_slice(&8000u32.to_be_bytes());
         bytes[20..24].copy_from_slice(&8000u32.to_be_bytes());
-        let checksum = crc(&bytes[12..29]).to_be_bytes();
+        let checksum = crc32fast::hash(&bytes[12..29]).to_be_bytes();
         bytes[29..33].copy_from_slice(&checksum);
         let refused = check(&bytes, Path::new("a.png")).unwrap_err().to_string();
         assert!(refused.contains("bytes can hold"), "{refused}");
-    }
-
-    fn crc(bytes: &[u8]) -> u32 {
-        !bytes.iter().fold(!0u32, |crc, &byte| {
-            (0..8).fold(crc ^ byte as u32, |c, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 })
-        })
     }
 }
