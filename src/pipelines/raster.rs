@@ -348,14 +348,6 @@ impl Raster {
         Ok(Between { quads: Buffer::over(context, "between", &f.splats, 0, len)?, words })
     }
 
-    /// Name of the stage that makes gradient records, if any.
-    pub fn backward_stage(&self) -> Option<&'static str> {
-        self.backward.as_ref().map(|backward| match backward {
-            Backward::Deterministic(..) => blend_backward::Kernel::NAME,
-            Backward::Atomic(..) => blend_backward_atomic::Kernel::NAME,
-        })
-    }
-
     /// Whether records are by Gaussian, accumulated by atomics.
     pub fn by_gaussian(&self) -> bool {
         matches!(self.backward, Some(Backward::Atomic(..)))
