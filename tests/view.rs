@@ -3,6 +3,8 @@
 //! on any message.
 #![cfg(target_os = "linux")]
 
+#[path = "common/photos.rs"]
+mod photos;
 #[path = "common/run.rs"]
 mod run;
 
@@ -15,13 +17,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 use glint::{
-    data::{
-        CameraPath,
-        builtin::{Part, render_truth},
-        write_png_rgb, write_scene,
-    },
+    data::{CameraPath, write_scene},
     gpu::{Context, ContextOptions},
     pipelines::{
         frames::{Limits, Texel},
@@ -30,7 +28,7 @@ use glint::{
         render::{Needs, RenderOptions},
     },
     reference::random_scene,
-    report::{decompose::srgb_from_linear, pictures::error_map},
+    report::pictures::error_map,
     scene::{Camera, Gaussians, Scene},
 };
 use tempfile::TempDir;
@@ -289,36 +287,15 @@ fn glint(folder: &Path, arguments: &str) -> Command {
     command
 }
 
-/// A camera on a circle of radius 5 around the origin, at an angle in radians, looking at it. The built-in
-/// scene has z up.
 fn camera(turn: f64) -> Camera {
-    let eye = DVec3::new(5.0 * turn.sin(), -5.0 * turn.cos(), 1.5);
-    let forward = -eye.normalize();
-    let right = forward.cross(DVec3::Z).normalize();
-    let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
-    let (cx, cy) = (f64::from(WIDTH) / 2.0, f64::from(HEIGHT) / 2.0);
-    let translation = -(rotation * eye);
-    Camera { width: WIDTH, height: HEIGHT, fx: 110.0, fy: 110.0, cx, cy, rotation, translation }
+    photos::camera_of([WIDTH, HEIGHT], 110.0, turn)
 }
 
 /// An augmented scene `scene.ply`, its supplement alone, another scene, and three photographs.
 fn work() -> (TempDir, Scene) {
     let folder = tempfile::tempdir().unwrap();
-    let data = folder.path().join("data");
-    fs::create_dir_all(data.join("sparse/0")).unwrap();
-    fs::create_dir_all(data.join("images")).unwrap();
-    fs::write(data.join("sparse/0/cameras.txt"), format!("1 PINHOLE {WIDTH} {HEIGHT} 110 110 48 36\n")).unwrap();
-    fs::write(data.join("sparse/0/points3D.txt"), "").unwrap();
-    let mut images = String::new();
-    for (i, name) in ["a.png", "b.png", "c.png"].iter().enumerate() {
-        let camera = camera(i as f64 * 0.2);
-        let rgb: Vec<f32> = render_truth(&camera, Part::All).into_iter().map(srgb_from_linear).collect();
-        write_png_rgb(data.join("images").join(name), WIDTH, HEIGHT, &rgb).unwrap();
-        let (q, t) = (DQuat::from_mat3(&camera.rotation), camera.translation);
-        let pose = [q.w, q.x, q.y, q.z, t.x, t.y, t.z].map(|v| v.to_string()).join(" ");
-        images += &format!("{} {pose} 1 {name}\n\n", i + 1);
-    }
-    fs::write(data.join("sparse/0/images.txt"), images).unwrap();
+    let photos = [("a.png", camera(0.0)), ("b.png", camera(0.2)), ("c.png", camera(0.4))];
+    photos::write_photos(&folder.path().join("data"), &photos, "");
     // Gaussians of suitable size in front of the cameras: the sample's are made for another camera.
     let sample = |seed| {
         let mut scene = random_scene(seed, 400, 200, 2);

@@ -5,21 +5,11 @@ use std::fs;
 use glint::{
     data::{SceneFile, read_scene, read_scene_file, write_scene, write_scene_file},
     reference::sample::random_scene,
-    scene::Scene,
 };
 
-use super::Work;
+use super::{Work, visible};
 
 const ENDINGS: [&str; 9] = ["ply", "glb", "usda", "usdz", "compressed.ply", "rad", "sog", "spz", "splat"];
-
-/// A scene within view of the cameras of [`Work`].
-fn visible(supplement: usize) -> Scene {
-    let mut scene = random_scene(4, 200, supplement, 1);
-    let near = |means: &mut Vec<[f32; 3]>| means.iter_mut().for_each(|mean| *mean = mean.map(f32::sin));
-    near(&mut scene.base.means);
-    scene.supplement.iter_mut().for_each(|s| near(&mut s.gaussians.means));
-    scene
-}
 
 /// Every command that reads a PLY reports the extra properties of another program.
 #[test]
@@ -43,7 +33,7 @@ fn properties_that_change_the_picture_are_told() {
     }
     fs::write(work.path("mip.ply"), text).unwrap();
     for command in ["convert mip.ply a.ply", "info mip.ply", "convert mip.ply b.ply --lenient"] {
-        let said = String::from_utf8(work.run(command).stderr).unwrap();
+        let said = work.said(command);
         assert!(
             said.contains("note: mip.ply: `filter_3D` (Mip-Splatting) is taken into the sizes"),
             "{command}: {said}"
@@ -58,8 +48,7 @@ fn properties_that_change_the_picture_are_told() {
 #[test]
 fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
     let work = Work::new();
-    let scene = visible(0);
-    write_scene(work.path("base.ply"), &scene).unwrap();
+    write_scene(work.path("base.ply"), &visible(4, 200, 0, 1)).unwrap();
     for ending in ENDINGS {
         let out = format!("a.{ending}");
         let report = work.json(&format!("convert base.ply {out} --compare data --json"));
@@ -77,7 +66,7 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
     let text = work.ok("convert base.ply text.splat --compare data");
     assert!(text.starts_with("text.splat: 200 Gaussians, SH degree 0, 0.006 MB of 0.021, renders "), "{text}");
     assert!(text.ends_with(" dB against the input's\n"), "{text}");
-    let said = String::from_utf8(work.run("convert base.ply note.splat").stderr).unwrap();
+    let said = work.said("convert base.ply note.splat");
     assert!(said.contains("note: note.splat: view-dependent color is not stored"), "{said}");
     // A folder with the files of an SOG scene.
     let mut archive = zip::ZipArchive::new(fs::File::open(work.path("a.sog")).unwrap()).unwrap();
@@ -118,7 +107,7 @@ fn a_scene_of_any_kind_is_taken_wherever_one_is_asked_for() {
 #[test]
 fn lobes_are_kept_refused_or_left_out_when_asked() {
     let work = Work::new();
-    let scene = visible(30);
+    let scene = visible(4, 200, 30, 1);
     let mut shown = scene.base.clone();
     shown.opacities.iter_mut().for_each(|v| *v -= 1.0);
     let file = SceneFile { shown: Some(shown.clone()), ..scene.clone().into() };
@@ -153,7 +142,7 @@ fn lobes_are_kept_refused_or_left_out_when_asked() {
 #[test]
 fn nothing_is_written_over_or_left_half_done() {
     let work = Work::new();
-    write_scene(work.path("base.ply"), &visible(0)).unwrap();
+    write_scene(work.path("base.ply"), &visible(4, 200, 0, 1)).unwrap();
     work.ok("convert base.ply a.spz");
     work.refused("convert base.ply a.spz", &["a.spz", "--force"]);
     work.ok("convert base.ply a.spz --force");

@@ -81,10 +81,10 @@ fn the_description_is_there_as_json() {
     let work = Work::small();
     let output = run::run(&mut doctor(&work, "--json", &[]));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(keys(&report), set(["ready", "version", "features", "lines", "devices"]));
+    assert_eq!(keys(&report), set("ready version features lines devices"));
     assert!(report["ready"] == true && report["features"].as_array().unwrap().contains(&"cli".into()), "{report}");
     let lines = report["lines"].as_array().unwrap();
-    assert!(lines.len() >= 9 && lines.iter().all(|line| keys(line) == set(["state", "name", "text"])), "{report}");
+    assert!(lines.len() >= 9 && lines.iter().all(|line| keys(line) == set("state name text")), "{report}");
     assert_eq!(report["devices"], work.json("devices --json"));
     assert!(report["devices"][0]["memory_bytes"].as_u64().unwrap() > 0, "{report}");
     let version = report["devices"][0]["vulkan"].as_str().unwrap();

@@ -46,9 +46,7 @@ fn a_georeferenced_scene_is_as_good_as_at_home() {
     let mut found = Vec::new();
     for (name, by) in [("home", DVec3::ZERO), ("there", utm)] {
         moved(&dataset, by, &work.path(name));
-        let output = work.run(&format!("train {name} -o {name}.ply --iterations 200 --gaussians 800 --deterministic"));
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.success(), "{said}");
+        let said = work.said(&format!("train {name} -o {name}.ply --iterations 200 --gaussians 800 --deterministic"));
         // Reported before the first step.
         assert_eq!(said.contains("note: the cameras are far from the world's origin"), name == "there", "{said}");
         let report = work.json(&format!("eval {name}.ply {name} --split all --json"));
@@ -62,7 +60,7 @@ fn a_georeferenced_scene_is_as_good_as_at_home() {
     // Another format holds the same scene; one that cannot store the origin gives a note, and shows nothing
     // there. tests/formats/far.rs has the origins of all formats.
     for file in ["there.sog", "there.splat"] {
-        let said = String::from_utf8(work.run(&format!("convert there.ply {file}")).stderr).unwrap();
+        let said = work.said(&format!("convert there.ply {file}"));
         if file == "there.splat" {
             assert!(said.contains("there.splat: positions count from (") && said.contains("does not keep"), "{said}");
             let lost =

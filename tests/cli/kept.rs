@@ -3,7 +3,7 @@
 use std::{
     fs,
     path::Path,
-    process::{Command, Output, Stdio},
+    process::{Child, Command, Output, Stdio},
     thread,
     time::{Duration, Instant},
 };
@@ -14,7 +14,7 @@ use glint::data::{
 };
 use serde_json::Value;
 
-use super::{Work, brief, files, run};
+use super::{Work, brief, ends, files, run, signal};
 
 const CHECKPOINT: &str = "out.checkpoint.safetensors";
 const TRAIN: &str = "train data --iterations 400 --sh-degree 1 --deterministic";
@@ -25,28 +25,27 @@ const ENHANCE: &str =
 
 impl Work {
     /// Starts a command that writes checkpoints, and kills it when `file` appears or changes.
+    #[track_caller]
     pub(super) fn killed(&self, arguments: &str, file: &str) {
         let file = self.path(file);
-        let written = |file: &Path| fs::metadata(file).and_then(|found| found.modified()).ok();
-        let before = written(&file);
-        let mut command = self.command(&format!("{arguments} --checkpoint-every 0"));
-        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        let started = Instant::now();
-        while written(&file) == before {
-            assert!(child.try_wait().unwrap().is_none(), "glint {arguments} ended before it left {}", file.display());
-            assert!(started.elapsed() < Duration::from_secs(200), "glint {arguments} left no {}", file.display());
-            thread::sleep(Duration::from_millis(2));
-        }
+        let written = || fs::metadata(&file).and_then(|found| found.modified()).ok();
+        let before = written();
+        let mut child = self.started(arguments);
+        until(&mut child, || written() != before);
         child.kill().unwrap();
         assert!(!run::finish(child).status.success());
         sweep(file.parent().unwrap());
     }
 
-    /// Starts a command that writes checkpoints as often as possible, and kills it after `time`, if it still
-    /// runs.
-    fn killed_after(&self, arguments: &str, time: Duration) {
+    /// Starts a command that writes checkpoints as often as possible.
+    fn started(&self, arguments: &str) -> Child {
         let mut command = self.command(&format!("{arguments} --checkpoint-every 0"));
-        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    /// Starts a command that writes checkpoints, and kills it after `time`, if it still runs.
+    fn killed_after(&self, arguments: &str, time: Duration) {
+        let mut child = self.started(arguments);
         thread::sleep(time);
         child.kill().unwrap();
         run::finish(child);
@@ -62,14 +61,16 @@ impl Work {
         command.current_dir(self.0.path()).args(["-c", &script]);
         run::run(brief(&mut command))
     }
+}
 
-    /// Runs a command that must succeed; returns its stderr.
-    #[track_caller]
-    fn said(&self, arguments: &str) -> String {
-        let output = self.run(arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.success(), "glint {arguments}: {said}");
-        said
+/// Waits until a command has done its part, which it must do before it ends.
+#[track_caller]
+fn until(child: &mut Child, done: impl Fn() -> bool) {
+    let started = Instant::now();
+    while !done() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before");
+        assert!(started.elapsed() < Duration::from_secs(200), "it takes too long");
+        thread::sleep(Duration::from_millis(2));
     }
 }
 
@@ -145,14 +146,10 @@ fn training_that_was_killed_goes_on_to_the_same_bits() {
 #[test]
 fn a_checkpoint_is_a_scene() {
     let work = Work::new();
-    let mut command = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    while !work.path(CHECKPOINT).exists() {
-        assert!(child.try_wait().unwrap().is_none());
-        thread::sleep(Duration::from_millis(2));
-    }
-    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
-    assert_eq!(run::finish(child).status.code(), Some(130));
+    let mut child = work.started(&format!("{TRAIN} -o out.ply"));
+    until(&mut child, || work.path(CHECKPOINT).exists());
+    signal(&child, "-TERM");
+    ends(run::finish(child), 130);
     // The scene and the checkpoint of an interrupted run are from the same step.
     work.ok(&format!("convert {CHECKPOINT} copy.ply"));
     assert!(fs::read(work.path("copy.ply")).unwrap() == fs::read(work.path("out.ply")).unwrap());
@@ -181,12 +178,8 @@ fn a_second_run_to_one_place_is_refused() {
     let work = Work::new();
     work.trained(BASE, "base.ply");
     for arguments in [format!("{TRAIN} -o out.ply"), format!("{ENHANCE} -o out.ply")] {
-        let mut command = work.command(&format!("{arguments} --checkpoint-every 0"));
-        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        while !work.path(CHECKPOINT).exists() {
-            assert!(child.try_wait().unwrap().is_none());
-            thread::sleep(Duration::from_millis(2));
-        }
+        let mut child = work.started(&arguments);
+        until(&mut child, || work.path(CHECKPOINT).exists());
         for option in ["--force", "--restart"] {
             let said = String::from_utf8(work.run(&format!("{arguments} {option}")).stderr).unwrap();
             assert!(
@@ -359,12 +352,8 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     // First after lifting the photos' Gaussians, then in the joint phase.
     work.killed(&format!("{ENHANCE} -o out.ply"), CHECKPOINT);
     let lifted = fs::read(work.path(CHECKPOINT)).unwrap();
-    let mut command = work.command(&format!("{ENHANCE} -o out.ply --checkpoint-every 0"));
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    while about(&work.path(CHECKPOINT))["step"] == 0 {
-        assert!(child.try_wait().unwrap().is_none());
-        thread::sleep(Duration::from_millis(2));
-    }
+    let mut child = work.started(&format!("{ENHANCE} -o out.ply"));
+    until(&mut child, || about(&work.path(CHECKPOINT))["step"] != 0);
     child.kill().unwrap();
     run::finish(child);
     sweep(work.0.path());
@@ -421,18 +410,10 @@ fn a_joint_stage_that_is_interrupted_is_kept() {
     let work = Work::small();
     work.trained(BASE, "base.ply");
     work.ok(&format!("{ENHANCE} -o whole.ply"));
-    let mut child =
-        work.command(&format!("{ENHANCE} -o out.ply --checkpoint-every 0")).stderr(Stdio::piped()).spawn().unwrap();
-    let started = Instant::now();
-    let joins = || work.path(CHECKPOINT).exists() && about(&work.path(CHECKPOINT))["step"].as_u64() > Some(0);
-    while !joins() && child.try_wait().unwrap().is_none() {
-        assert!(started.elapsed() < Duration::from_secs(200));
-        thread::sleep(Duration::from_millis(2));
-    }
-    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
-    let output = run::finish(child);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(130), "{said}");
+    let mut child = work.started(&format!("{ENHANCE} -o out.ply"));
+    until(&mut child, || work.path(CHECKPOINT).exists() && about(&work.path(CHECKPOINT))["step"] != 0);
+    signal(&child, "-TERM");
+    let said = ends(run::finish(child), 130);
     assert!(
         said.contains("joint steps; out.ply has their result") && said.contains("run the same command to resume"),
         "{said}"
@@ -460,20 +441,14 @@ fn training_whose_terminal_is_closed_is_kept_unless_that_is_ignored() {
         child.arg(disposition).arg(glint.get_program()).args(glint.get_args()).current_dir(work.0.path());
         let mut child = brief(&mut child).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
         let step = || work.path(CHECKPOINT).exists().then(|| about(&work.path(CHECKPOINT))["step"].as_u64().unwrap());
-        let mut until = 0;
-        for signal in signals {
-            let started = Instant::now();
-            while step().is_none_or(|step| step <= until) {
-                assert!(child.try_wait().unwrap().is_none() && started.elapsed() < Duration::from_secs(200));
-                thread::sleep(Duration::from_millis(2));
-            }
-            assert!(Command::new("kill").args([*signal, &child.id().to_string()]).status().unwrap().success());
+        let mut least = 0;
+        for name in signals {
+            until(&mut child, || step().is_some_and(|step| step > least));
+            signal(&child, name);
             // For the second time: some steps after the first.
-            until = step().unwrap() + 20;
+            least = step().unwrap() + 20;
         }
-        let output = run::finish(child);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(130), "{said}");
+        let said = ends(run::finish(child), 130);
         assert!(said.contains("out.ply has their result") && said.contains("run the same command to resume"), "{said}");
         work.ok(&format!("{TRAIN} -o out.ply"));
         assert!(fs::read(work.path("out.ply")).unwrap() == fs::read(work.path("whole.ply")).unwrap());
@@ -488,9 +463,7 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     let mut command = work.command(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
     // Photos and the scene need fewer submissions than this, the whole run more.
     command.env("GLINT_LOST_AFTER", "80");
-    let output = run::run(&mut command);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{said}");
+    let said = ends(run::run(&mut command), 1);
     assert!(said.contains("error: vkWaitForFences") && said.contains("lost"), "{said}");
     assert!(said.contains("the last checkpoint is in out.checkpoint.safetensors"), "{said}");
     assert_eq!(files(work.0.path()), ["data", CHECKPOINT, "whole.ply"]);
@@ -506,9 +479,7 @@ fn a_device_that_is_lost_leaves_the_last_checkpoint_whole() {
     ] {
         let mut command = work.command(arguments);
         command.env("GLINT_LOST_AFTER", "5");
-        let output = run::run(&mut command);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(1), "glint {arguments}: {said}");
+        let said = ends(run::run(&mut command), 1);
         assert!(said.contains("vkWaitForFences") && !said.contains("panicked"), "glint {arguments}: {said}");
         assert!(!work.path("x.ply").exists());
     }
@@ -545,9 +516,8 @@ fn memory_that_runs_out_anywhere_is_an_error() {
                 assert!(arguments.starts_with("enhance") || left == whole, "{told}");
                 return true;
             }
-            let said = String::from_utf8(output.stderr).unwrap();
+            let said = ends(output, 1);
             let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
-            assert_eq!(output.status.code(), Some(1), "{told}: {said}");
             assert!(matches!(errors[..], [line] if line.contains("memory")), "{told}: {said}");
             assert!(left.iter().all(|(path, bytes)| whole.get(path) == Some(bytes)), "{told} leaves another thing");
             assert!(!work.path("made.ply").exists(), "{told}");
@@ -600,9 +570,7 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
         // lavapipe of Mesa 25 keeps device memory in an unnamed file, to which the limit applies too.
         return eprintln!("skipped: this driver dies where files may not grow");
     }
-    let output = full(&format!("{TRAIN} -o out.ply --checkpoint-every 0"));
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{said}");
+    let said = ends(full(&format!("{TRAIN} -o out.ply --checkpoint-every 0")), 1);
     assert_eq!(said.matches("cannot be saved").count(), 1, "{said}");
     assert!(said.contains("error: out.ply: ") && said.contains("the last checkpoint is in out.checkpoint"), "{said}");
     assert!(fs::read(work.path(CHECKPOINT)).unwrap() == kept);
@@ -612,16 +580,12 @@ fn a_disk_that_fills_up_leaves_the_last_checkpoint_whole() {
 
     // The outputs of other commands.
     work.trained(BASE, "base.ply");
-    let output = full("enhance data --base base.ply --method augs --preset quick -o x.ply");
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{said}");
+    let said = ends(full("enhance data --base base.ply --method augs --preset quick -o x.ply"), 1);
     assert!(said.contains("error: ") && !said.contains("panicked") && !work.path("x.ply").exists(), "{said}");
 
     // A scene of 20 Gaussians is smaller than a picture; a picture that does not fit must not end the run.
     let train = "train data -o small.ply --points 20 --sh-degree 0 --strategy fixed --iterations 40 --eval-every 10";
-    let output = work.run_with_files_below(6, train);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    let said = ends(work.run_with_files_below(6, train), 0);
     assert!(said.matches("cannot be saved").count() == 1 && said.contains("step-000010.png"), "{said}");
     // The history lines fitted.
     assert_eq!(fs::read_to_string(work.path("small.history.jsonl")).unwrap().lines().count(), 4);

@@ -14,6 +14,8 @@ mod kept;
 mod output;
 mod page;
 mod parts;
+#[path = "../common/photos.rs"]
+mod photos;
 #[path = "../common/run.rs"]
 mod run;
 mod scenes;
@@ -29,21 +31,19 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
+    process::{Child, Command, Output, Stdio},
     sync::{Arc, Mutex, OnceLock},
 };
 
 use glam::{DMat3, DQuat, DVec3};
 use glint::{
-    data::{
-        builtin::{Part, render_truth},
-        read_scene, write_png_rgb, write_scene, write_tensors,
-    },
+    data::{read_scene, write_scene, write_tensors},
     reference::sample::random_scene,
     report::decompose::{linear_from_srgb, srgb_from_linear},
     scene::{Camera, Scene},
     stages::NAMES as NAMES_OF_STAGES,
 };
+use photos::{camera_of, write_photos};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -70,20 +70,6 @@ impl Work {
     /// The built-in scene seen by nine cameras in a row, in COLMAP's text format with 300 random points.
     fn new() -> Work {
         let folder = tempfile::tempdir().unwrap();
-        let data = folder.path().join("data");
-        fs::create_dir_all(data.join("sparse/0")).unwrap();
-        fs::create_dir_all(data.join("images/b")).unwrap();
-        fs::write(data.join("sparse/0/cameras.txt"), "1 PINHOLE 32 24 40 40 16 12\n").unwrap();
-        let mut images = String::new();
-        for (i, name) in NAMES.iter().enumerate() {
-            let camera = camera(i as f64 * 0.1 - 0.4);
-            let rgb: Vec<f32> = render_truth(&camera, Part::All).into_iter().map(srgb_from_linear).collect();
-            write_png_rgb(data.join("images").join(name), 32, 24, &rgb).unwrap();
-            let (q, t) = (DQuat::from_mat3(&camera.rotation), camera.translation);
-            let pose = [q.w, q.x, q.y, q.z, t.x, t.y, t.z].map(|v| v.to_string()).join(" ");
-            images += &format!("{} {pose} 1 {name}\n\n", i + 1);
-        }
-        fs::write(data.join("sparse/0/images.txt"), images).unwrap();
         let points = random_scene(3, 300, 0, 0).base.means;
         let line = |(i, p): (usize, &[f32; 3])| {
             // Any points spread over the cameras' view.
@@ -91,7 +77,8 @@ impl Work {
             format!("{} {x} {y} {z} 120 130 140 0.5\n", i + 1)
         };
         let points: String = points.iter().enumerate().map(line).collect();
-        fs::write(data.join("sparse/0/points3D.txt"), points).unwrap();
+        let photos: Vec<_> = NAMES.iter().zip(0..).map(|(name, i)| (*name, camera(f64::from(i) * 0.1 - 0.4))).collect();
+        write_photos(&folder.path().join("data"), &photos, &points);
         Work(folder)
     }
 
@@ -135,10 +122,24 @@ impl Work {
     }
 
     /// Runs glint, which must succeed; returns its standard output.
+    #[track_caller]
     fn ok(&self, arguments: &str) -> String {
         let output = self.run(arguments);
         assert!(output.status.success(), "glint {arguments}: {}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// Runs glint, which must succeed; returns its messages.
+    #[track_caller]
+    fn said(&self, arguments: &str) -> String {
+        ends(self.run(arguments), 0)
+    }
+
+    /// Runs glint with wrong arguments; its message must contain `words`.
+    #[track_caller]
+    fn misused(&self, arguments: &str, words: &str) {
+        let said = ends(self.run(arguments), 2);
+        assert!(said.contains(words), "glint {arguments}: {said}");
     }
 
     /// Writes the scene of a command that begins with `train data` to `file`. Only the first test trains it.
@@ -196,22 +197,37 @@ impl Work {
     }
 }
 
-/// A camera on a circle of radius 5 around the origin, at an angle in radians, looking at it. The built-in
-/// scene has z up.
 fn camera(turn: f64) -> Camera {
-    let eye = DVec3::new(5.0 * turn.sin(), -5.0 * turn.cos(), 1.5);
-    let forward = -eye.normalize();
-    let right = forward.cross(DVec3::Z).normalize();
-    let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
-    Camera { width: 32, height: 24, fx: 40.0, fy: 40.0, cx: 16.0, cy: 12.0, rotation, translation: -(rotation * eye) }
+    camera_of([32, 24], 40.0, turn)
+}
+
+/// The messages of a command, which must have ended with this code.
+#[track_caller]
+fn ends(output: Output, code: i32) -> String {
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    said
+}
+
+#[cfg(unix)]
+fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+}
+
+/// A scene with Gaussians of suitable size in front of the cameras: the sample's are made for another camera.
+fn visible(seed: u64, count: usize, supplement: usize, sh_degree: u32) -> Scene {
+    let mut scene = random_scene(seed, count, supplement, sh_degree);
+    let extra = scene.supplement.iter_mut().flat_map(|s| &mut s.gaussians.means);
+    scene.base.means.iter_mut().chain(extra).for_each(|mean| *mean = mean.map(f32::sin));
+    scene
 }
 
 fn keys(value: &Value) -> BTreeSet<&str> {
     value.as_object().unwrap().keys().map(String::as_str).collect()
 }
 
-fn set<const N: usize>(names: [&'static str; N]) -> BTreeSet<&'static str> {
-    names.into()
+fn set(names: &str) -> BTreeSet<&str> {
+    names.split(' ').collect()
 }
 
 /// Width, height and the planes of an EXR by channel name.
@@ -225,27 +241,13 @@ fn exr(path: &Path) -> (usize, usize, Vec<(String, Vec<f32>)>) {
 
 /// A network with VGG's structure and two channels everywhere.
 fn write_vgg(path: &Path) {
-    let layers = [
-        [1, 0],
-        [1, 2],
-        [2, 5],
-        [2, 7],
-        [3, 10],
-        [3, 12],
-        [3, 14],
-        [4, 17],
-        [4, 19],
-        [4, 21],
-        [5, 24],
-        [5, 26],
-        [5, 28],
-    ];
+    let layers = "1.0 1.2 2.5 2.7 3.10 3.12 3.14 4.17 4.19 4.21 5.24 5.26 5.28".split(' ');
     let mut tensors = Vec::new();
     let ripple = |count: usize| (0..count).map(|i| 0.2 * (1.0 + (7.0 * i as f32).sin())).collect::<Vec<f32>>();
-    for (i, [slice, layer]) in layers.into_iter().enumerate() {
+    for (i, layer) in layers.enumerate() {
         let channels = if i == 0 { 3 } else { 2 };
-        tensors.push((format!("net.slice{slice}.{layer}.weight"), vec![2, channels, 3, 3], ripple(18 * channels)));
-        tensors.push((format!("net.slice{slice}.{layer}.bias"), vec![2], ripple(2)));
+        tensors.push((format!("net.slice{layer}.weight"), vec![2, channels, 3, 3], ripple(18 * channels)));
+        tensors.push((format!("net.slice{layer}.bias"), vec![2], ripple(2)));
     }
     tensors.extend((0..5).map(|i| (format!("lin{i}.model.1.weight"), vec![1, 2, 1, 1], vec![0.5; 2])));
     let list: Vec<_> = tensors.iter().map(|(name, shape, values)| (name.as_str(), &shape[..], &values[..])).collect();
@@ -263,26 +265,9 @@ fn files(folder: &Path) -> Vec<String> {
 fn a_scene_is_trained_measured_rendered_and_described() {
     let work = Work::new();
     let report = work.json("train data -o base.ply --iterations 30 --gaussians 300 --sh-degree 1 --seed 5 --json");
-    let expected = set([
-        "output",
-        "device",
-        "photos",
-        "gaussians",
-        "sh_degree",
-        "iterations",
-        "iterations_resumed",
-        "seed",
-        "halvings",
-        "tile",
-        "seconds",
-        "steps_per_second",
-        "final_loss",
-        "device_megabytes",
-        "host_megabytes",
-        "buffers_grown",
-        "stages",
-    ]);
-    assert_eq!(keys(&report), expected);
+    let expected = "output device photos gaussians sh_degree iterations iterations_resumed seed halvings tile seconds \
+                    steps_per_second final_loss device_megabytes host_megabytes buffers_grown stages";
+    assert_eq!(keys(&report), set(expected));
     assert_eq!((&report["photos"], &report["gaussians"], &report["sh_degree"]), (&7.into(), &300.into(), &1.into()));
     assert!(report["final_loss"].as_f64().unwrap() > 0.0 && report["seconds"].as_f64().unwrap() > 0.0);
     let base = read_scene(work.path("base.ply")).unwrap();
@@ -296,7 +281,7 @@ fn a_scene_is_trained_measured_rendered_and_described() {
 
     let before = work.json("eval few.ply data --json");
     let after = work.json("eval base.ply data --json");
-    assert_eq!(keys(&after), set(["base", "augmented", "views"]));
+    assert_eq!(keys(&after), set("base augmented views"));
     let psnr = |v: &Value| v["augmented"]["psnr"].as_f64().unwrap();
     assert!(psnr(&after) > psnr(&before), "{before} {after}");
     assert_eq!(after["base"], after["augmented"]);
@@ -321,22 +306,17 @@ fn a_scene_is_trained_measured_rendered_and_described() {
 #[test]
 fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
     let work = Work::new();
-    // Gaussians of suitable size in front of the cameras: the sample's are made for another camera.
-    let mut scene = random_scene(8, 400, 200, 2);
-    let supplement = scene.supplement.as_mut().unwrap();
-    for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
-        *mean = mean.map(f32::sin);
-    }
+    let scene = visible(8, 400, 200, 2);
     write_scene(work.path("scene.ply"), &scene).unwrap();
     write_scene(work.path("base.ply"), &Scene { base: scene.base.clone(), ..Default::default() }).unwrap();
 
     let found = work.json("eval scene.ply data --split all --json");
-    assert_eq!(keys(&found), set(["base", "augmented", "views"]));
+    assert_eq!(keys(&found), set("base augmented views"));
     for part in [&found["base"], &found["augmented"], &found["views"][0]["base"], &found["views"][8]["augmented"]] {
-        assert_eq!(keys(part), set(["psnr", "ssim"]));
+        assert_eq!(keys(part), set("psnr ssim"));
         assert!(part["psnr"].is_f64() && part["ssim"].is_f64());
     }
-    assert_eq!(keys(&found["views"][3]), set(["name", "base", "augmented"]));
+    assert_eq!(keys(&found["views"][3]), set("name base augmented"));
     assert_ne!(found["base"], found["augmented"]);
     // The base alone equals its own file.
     assert_eq!(work.json("eval base.ply data --split all --json")["augmented"], found["base"]);
@@ -345,8 +325,8 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
 
     write_vgg(&work.path("vgg.safetensors"));
     let seen = work.json("eval scene.ply data --lpips vgg.safetensors --json");
-    assert_eq!(keys(&seen["lpips"]), set(["base", "augmented", "views"]));
-    assert_eq!(keys(&seen["lpips"]["views"][1]), set(["name", "base", "augmented"]));
+    assert_eq!(keys(&seen["lpips"]), set("base augmented views"));
+    assert_eq!(keys(&seen["lpips"]["views"][1]), set("name base augmented"));
     let [base, augmented] = ["base", "augmented"].map(|part| seen["lpips"][part].as_f64().unwrap());
     assert!(base > 0.0 && augmented > 0.0 && base != augmented);
     let [first, second] = [0, 1].map(|i| seen["lpips"]["views"][i]["augmented"].as_f64().unwrap());
@@ -395,8 +375,7 @@ fn an_augmented_scene_is_measured_and_rendered_in_all_its_parts() {
     assert_ne!(red("color"), red("base"));
 
     // Without a supplement the base is the whole scene; the background shows through.
-    let plain = work.run("render base.ply data -o plain --what base");
-    assert!(plain.status.success() && String::from_utf8_lossy(&plain.stderr).contains("no supplement"));
+    assert!(work.said("render base.ply data -o plain --what base").contains("no supplement"));
     assert_eq!(fs::read(work.path("plain/i.png")).unwrap(), fs::read(work.path("out/base/i.png")).unwrap());
     work.ok("render base.ply data -o white --background white --format exr");
     work.ok("render base.ply data -o black --format exr");
@@ -484,15 +463,9 @@ fn bad_usage_exits_with_2_and_help_with_0() {
 #[test]
 fn a_twin_stands_in_for_a_stage_on_the_command_line() {
     let work = Work::new();
-    let mut scene = random_scene(9, 300, 100, 1);
-    let supplement = scene.supplement.as_mut().unwrap();
-    for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
-        *mean = mean.map(f32::sin);
-    }
-    write_scene(work.path("scene.ply"), &scene).unwrap();
+    write_scene(work.path("scene.ply"), &visible(9, 300, 100, 1)).unwrap();
     for (folder, options) in [("device", ""), ("twins", "--twin blend --twin project -vv")] {
-        let output = work.run(&format!("render scene.ply data -o {folder} --format exr {options}"));
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        work.ok(&format!("render scene.ply data -o {folder} --format exr {options}"));
     }
     let [device, twins] = ["device", "twins"].map(|folder| exr(&work.path(&format!("{folder}/i.exr"))).2);
     let pairs = || device.iter().zip(&twins).flat_map(|(a, b)| a.1.iter().zip(&b.1));
@@ -500,9 +473,7 @@ fn a_twin_stands_in_for_a_stage_on_the_command_line() {
     assert!(pairs().any(|(a, b)| a != b));
     assert!(pairs().filter(|(a, b)| (*a - *b).abs() > 1e-4).count() <= 3);
 
-    let output = work.run("render scene.ply data -o x --twin fma_rate");
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{said}");
+    let said = ends(work.run("render scene.ply data -o x --twin fma_rate"), 2);
     assert!(NAMES_OF_STAGES.iter().all(|stage| *stage == "fma_rate" || said.contains(stage)), "{said}");
 }
 
@@ -548,9 +519,8 @@ fn an_augmentation_by_augs_adds_lobes_and_learns_opacities() {
     let mut bright = read_scene(work.path("base.ply")).unwrap();
     bright.base.sh.iter_mut().for_each(|rgb| rgb[0] = 1e30);
     write_scene(work.path("bright.ply"), &bright).unwrap();
-    let output = work.run("enhance data --base bright.ply --method augs --preset quick -o bright_more.ply");
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && said.contains("of 7 photos is so far out of range"), "{said}");
+    let said = work.said("enhance data --base bright.ply --method augs --preset quick -o bright_more.ply");
+    assert!(said.contains("of 7 photos is so far out of range"), "{said}");
 
     work.refused("enhance data --base first.ply -o x.ply", &["first.ply", "augmented already"]);
 }

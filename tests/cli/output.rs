@@ -3,7 +3,7 @@
 use std::{
     fs,
     io::{BufRead, BufReader},
-    process::{Command, Stdio},
+    process::Stdio,
     time::{Duration, SystemTime},
 };
 
@@ -12,7 +12,7 @@ use glint::{
     reference::sample::random_scene,
 };
 
-use super::{Work, files, run};
+use super::{Work, files, run, signal};
 
 /// A regression test: renders over a dataset's photographs made `eval` report 58.96 dB.
 #[test]
@@ -142,13 +142,12 @@ fn a_device_that_is_not_there_is_named_by_who_asked_for_it() {
 #[test]
 fn what_was_learned_until_ctrl_c_is_kept() {
     let work = Work::new();
-    for signal in ["-INT", "-TERM"] {
+    for name in ["-INT", "-TERM"] {
         let train = "train data -o out.ply --iterations 1000000 --json --force -vv";
         let mut child = work.command(train).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
         assert!(lines.any(|line| line.unwrap().contains("listening for signals")));
-        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
-        assert!(sent.success());
+        signal(&child, name);
         let output = run::finish(child);
         assert_eq!(output.status.code(), Some(130));
         let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

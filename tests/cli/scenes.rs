@@ -4,7 +4,7 @@ use std::fs;
 
 use glint::{data::write_scene, reference::sample::random_scene, scene::Scene};
 
-use super::Work;
+use super::{Work, visible};
 
 /// A scene in which the Gaussians in `rows` have a NaN opacity.
 fn broken(work: &Work, name: &str, scene: &Scene, rows: &[usize]) {
@@ -22,15 +22,14 @@ fn broken(work: &Work, name: &str, scene: &Scene, rows: &[usize]) {
 #[test]
 fn unsound_gaussians_are_refused_by_name_or_dropped_when_asked() {
     let work = Work::new();
-    let mut scene = random_scene(4, 60, 0, 0);
-    scene.base.means.iter_mut().for_each(|mean| *mean = mean.map(f32::sin));
+    let scene = visible(4, 60, 0, 0);
     broken(&work, "broken.ply", &scene, &[7, 31]);
     for command in ["info broken.ply", "eval broken.ply data", "render broken.ply data -o out"] {
         work.refused(command, &["broken.ply", "row 7 of element `vertex`", "`opacity`", "--lenient"]);
     }
     work.refused("enhance data --base broken.ply -o x.ply", &["broken.ply", "row 7", "--lenient"]);
     assert_eq!(work.json("info broken.ply --lenient --json")["base"]["count"], 58);
-    let said = String::from_utf8(work.run("eval broken.ply data --lenient").stderr).unwrap();
+    let said = work.said("eval broken.ply data --lenient");
     assert!(
         said.contains("2 of 60 Gaussians dropped") && said.contains("row 7 of element `vertex`: `opacity`"),
         "{said}"
@@ -93,8 +92,6 @@ fn a_plan_says_what_is_stored_and_what_is_left_out() {
     for (command, word) in
         [("info plain.ply --plan --resolution 0x9", "1920x1080"), ("info plain.ply --half", "--plan")]
     {
-        let output = work.run(command);
-        let text = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(2) && text.contains(word), "{text}");
+        work.misused(command, word);
     }
 }

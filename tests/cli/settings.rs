@@ -11,10 +11,6 @@ fn score(work: &Work, arguments: &str) -> (f64, String) {
     (found["augmented"]["psnr"].as_f64().unwrap(), String::from_utf8(output.stderr).unwrap())
 }
 
-fn said(work: &Work, arguments: &str) -> String {
-    String::from_utf8(work.run(arguments).stderr).unwrap()
-}
-
 #[test]
 fn settings_are_said_once_and_travel_through_every_command_and_format() {
     let work = Work::new();
@@ -67,7 +63,7 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
         ("spz", ""),
         ("splat", "--background 0.2,0.9,0.6 --compensate --max-size 24"),
     ] {
-        let text = said(&work, &format!("convert base.ply copy.{ending}"));
+        let text = work.said(&format!("convert base.ply copy.{ending}"));
         assert!(again.is_empty() != text.contains(&format!("give {again} to glint")), "{ending}: {text}");
         let found = score(&work, &format!("copy.{ending} data {again}")).0;
         assert_eq!(found, score(&work, &format!("copy.{ending} data {SAID}")).0, "{ending}");
@@ -80,14 +76,14 @@ fn settings_are_said_once_and_travel_through_every_command_and_format() {
 #[test]
 fn a_run_says_what_it_is_on_and_what_it_was_worth() {
     let work = Work::new();
-    let text = said(&work, "train data -o base.ply --iterations 20 --points 50 --gaussians 60 --sh-degree 3");
+    let text = work.said("train data -o base.ply --iterations 20 --points 50 --gaussians 60 --sh-degree 3");
     let line = |begin: &str| text.lines().find(|line| line.starts_with(begin)).unwrap_or_default().to_owned();
     assert!(line("training on ").contains("): 7 photos of 32 × 24, 50 to 60 Gaussians, 20 steps"), "{text}");
     let output = work.run("enhance data --base base.ply -o more.ply --ratio 0.2");
     let [result, text] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
     let line = text.lines().find(|line| line.starts_with("enhancing on ")).unwrap();
     assert!(line.contains("): 7 photos of 32 × 24, 60 Gaussians, "), "{text}");
-    assert!(said(&work, "train data -o x.ply --iterations 2 -q").is_empty());
+    assert!(work.said("train data -o x.ply --iterations 2 -q").is_empty());
     assert!(result.contains("longer training instead, ") && result.contains("dB (measured)"), "{result}");
     // A run with a time limit has no time left for that measurement.
     let report = work.json("enhance data --base base.ply -o x.ply --ratio 0.2 --time 5s --json --force");
@@ -98,14 +94,13 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
 #[test]
 fn a_scene_of_another_dataset_is_told() {
     let work = Work::small();
-    let mut white = random_scene(3, 300, 0, 0);
-    white.base.means.iter_mut().flatten().for_each(|v| *v = v.sin());
+    let mut white = visible(3, 300, 0, 0);
     white.base.sh.fill([9.0; 3]);
     write_scene(work.path("white.ply"), &white).unwrap();
     let (found, notes) = score(&work, "white.ply data");
     assert!(found < 12.0, "{found}");
     let tells = |text: &str| text.contains("on these photos, like a scene of another dataset");
-    let told = |arguments: &str| tells(&said(&work, arguments));
+    let told = |arguments: &str| tells(&work.said(arguments));
     assert!(tells(&notes) && told("enhance data --base white.ply -o x.ply --ratio 0.1"));
     work.ok("train data -o own.ply --iterations 100");
     assert!(!told("eval own.ply data") && !told("enhance data --base own.ply -o y.ply --ratio 0.1"));

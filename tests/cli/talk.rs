@@ -6,18 +6,11 @@ use serde_json::Value;
 
 use super::{Work, files, keys, set};
 
-fn stderr(work: &Work, arguments: &str) -> String {
-    let output = work.run(arguments);
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "glint {arguments}: {text}");
-    text
-}
-
 /// A regression test: `train -v` printed nothing.
 #[test]
 fn verbose_tells_of_cameras_memory_losses_and_times() {
     let work = Work::new();
-    let said = stderr(&work, "train data -o x.ply --iterations 30 -v");
+    let said = work.said("train data -o x.ply --iterations 30 -v");
     for part in [
         "9 photos of 32 × 24",
         "COLMAP dataset: 7 train, 2 test, 300 points",
@@ -35,11 +28,11 @@ fn verbose_tells_of_cameras_memory_losses_and_times() {
     if cfg!(target_os = "linux") {
         assert!(said.contains("MB of memory at most"), "{said}");
     }
-    let said = stderr(&work, "enhance data --base x.ply -o y.ply --method augs --preset quick -v");
+    let said = work.said("enhance data --base x.ply -o y.ply --method augs --preset quick -v");
     for part in ["refining: ", "joining: 210 steps in", "comparing: 4 views in"] {
         assert!(said.contains(part), "`{part}` is not in: {said}");
     }
-    let said = stderr(&work, "train data -o z.ply --iterations 3");
+    let said = work.said("train data -o z.ply --iterations 3");
     // A slow machine also prints progress.
     assert!(said.contains("training on ") && said.lines().all(|line| line.starts_with("training")), "{said}");
 }
@@ -87,8 +80,8 @@ fn a_terminal_has_one_bar_for_each_stage() {
 fn quiet_says_nothing_but_errors() {
     let work = Work::new();
     fs::remove_file(work.path("data/images/e.png")).unwrap();
-    assert!(stderr(&work, "train data -o x.ply --iterations 3 --sh-degree 1").contains("note: "));
-    assert_eq!(stderr(&work, "train data -o y.ply --iterations 3 --sh-degree 1 -q"), "");
+    assert!(work.said("train data -o x.ply --iterations 3 --sh-degree 1").contains("note: "));
+    assert_eq!(work.said("train data -o y.ply --iterations 3 --sh-degree 1 -q"), "");
     let mut command = work.command("train nowhere -o z.ply --quiet");
     command.env_remove("RUST_LOG");
     work.fails(command, 2, &["nowhere"]);
@@ -107,7 +100,7 @@ fn a_damaged_test_photo_costs_the_gain_and_nothing_else() {
     let photo = fs::read(work.path("data/images/a.png")).unwrap();
     fs::write(work.path("data/images/a.png"), &photo[..photo.len() / 2]).unwrap();
     let enhance = "enhance data --base base.ply --ratio 0.1 --force -o a.ply";
-    let said = stderr(&work, enhance);
+    let said = work.said(enhance);
     assert!(said.contains("note: the gain on the test photos is unknown") && said.contains("a.png"), "{said}");
     assert_eq!(work.json(&format!("{enhance} --json"))["gain"], Value::Null);
 }
@@ -121,7 +114,7 @@ fn an_augmentation_ends_with_what_it_gained() {
     let [first, last] = ["joint_loss_first", "joint_loss_last"].map(|key| report[key].as_f64().unwrap());
     assert!(0.0 < last && last < first && first < 0.5, "{first} {last}");
     let gain = &report["gain"];
-    assert_eq!(keys(gain), set(["views", "before", "after", "base_alone", "longer_training"]));
+    assert_eq!(keys(gain), set("views before after base_alone longer_training"));
     assert_eq!(gain["views"], 1);
     // Same numbers as `eval`.
     let (before, after) = (work.json("eval base.ply data --json"), work.json("eval a.ply data --json"));
@@ -210,7 +203,7 @@ fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let report = work.json("enhance data --base base.ply -o one.ply --bytes 120 --json");
     let first = &report["placements"][0];
     assert_eq!(first["lobes"].as_u64().unwrap() + first["plain"].as_u64().unwrap(), 1);
-    assert!(stderr(&work, "enhance data --base base.ply -o none.ply --bytes 10").contains("less than one Gaussian"));
+    assert!(work.said("enhance data --base base.ply -o none.ply --bytes 10").contains("less than one Gaussian"));
     // Adds Gaussians that gain more than longer training, within the time limit.
     let started = std::time::Instant::now();
     let said = work.ok("enhance data --base base.ply -o b.ply --time 2s");
@@ -270,28 +263,9 @@ fn completions_and_manual_pages_are_made() {
     }
     assert_eq!(work.run("completions tcsh").status.code(), Some(2));
     work.ok("man pages");
-    let commands = [
-        "completions",
-        "convert",
-        "demo",
-        "devices",
-        "doctor",
-        "enhance",
-        "eval",
-        "export",
-        "info",
-        "man",
-        "merge",
-        "partition",
-        "render",
-        "report",
-        "run",
-        "synth",
-        "train",
-        "verify",
-        "view",
-    ];
-    let mut expected: Vec<String> = commands.iter().map(|command| format!("glint-{command}.1")).collect();
+    let commands = "completions convert demo devices doctor enhance eval export info man merge partition render report \
+                    run synth train verify view";
+    let mut expected: Vec<String> = commands.split(' ').map(|command| format!("glint-{command}.1")).collect();
     expected.push("glint.1".into());
     assert_eq!(files(&work.path("pages")), expected);
     let page = fs::read_to_string(work.path("pages/glint-enhance.1")).unwrap();

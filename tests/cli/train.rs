@@ -2,9 +2,9 @@
 
 use std::{fs, time::Instant};
 
-use glint::{data::write_scene, reference::sample::random_scene, report::history::read_history};
+use glint::{data::write_scene, report::history::read_history};
 
-use super::{Work, files, shared::shared};
+use super::{Work, files, shared::shared, visible};
 
 const TRAIN: &str = "train data --iterations 64 --gaussians 300 --sh-degree 1 --deterministic";
 
@@ -71,9 +71,8 @@ fn exposure_is_corrected_in_training_alone() {
     let last = read_history(work.path("out.history.jsonl")).unwrap().pop().unwrap();
     let found = work.json("eval out.ply data --json")["base"]["psnr"].as_f64().unwrap();
     assert!((last.psnr - found).abs() < 1e-6, "{} and {found}", last.psnr);
-    let output = work.run("train data -o timed.ply --exposure --time 4s --points 200 --gaussians 300");
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && said.contains("note: exposure: the photos' color maps"), "{said}");
+    let said = work.said("train data -o timed.ply --exposure --time 4s --points 200 --gaussians 300");
+    assert!(said.contains("note: exposure: the photos' color maps"), "{said}");
 }
 
 /// DBS's colors, from training to pictures; formats that cannot store them give a note.
@@ -136,9 +135,7 @@ fn a_run_takes_the_time_that_it_was_given_with_its_schedule_complete() {
         ("--time 5s --iterations 3", "cannot be used"),
     ];
     for (option, words) in refused {
-        let output = work.run(&format!("train data -o other.ply {option}"));
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.code() == Some(2) && said.contains(words), "{option}: {said}");
+        work.misused(&format!("train data -o other.ply {option}"), words);
     }
 }
 
@@ -171,13 +168,11 @@ fn a_run_of_slow_steps_ends_in_its_time_too() {
 #[test]
 fn an_augmentation_of_slow_steps_ends_in_its_time_too() {
     let work = Work::new();
-    let mut scene = random_scene(4, 60_000, 0, 0);
-    scene.base.means.iter_mut().for_each(|mean| *mean = mean.map(f32::sin));
-    write_scene(work.path("base.ply"), &scene).unwrap();
+    write_scene(work.path("base.ply"), &visible(4, 60_000, 0, 0)).unwrap();
     let started = Instant::now();
-    let output = work.run("enhance data --base base.ply -o more.ply --time 6s");
-    let (seconds, said) = (started.elapsed().as_secs_f64(), String::from_utf8(output.stderr).unwrap());
-    assert!(output.status.success() && (said.contains("weighing would take") || !said.contains("(CPU)")), "{said}");
+    let said = work.said("enhance data --base base.ply -o more.ply --time 6s");
+    let seconds = started.elapsed().as_secs_f64();
+    assert!(said.contains("weighing would take") || !said.contains("(CPU)"), "{said}");
     // The placement, which renders every photo, and a step may begin just before the end; other work may share the machine.
     assert!((4.0..11.0).contains(&seconds), "{seconds} s: {said}");
 }

@@ -4,12 +4,11 @@ use std::fs;
 
 use glint::{
     data::{write_png_rgb, write_scene},
-    reference::sample::random_scene,
     report::pictures::data_of,
 };
 use serde_json::Value;
 
-use super::{Work, files};
+use super::{Work, files, visible};
 
 const SYNTH: &str = "synth mixed -o shiny --views 9 --size 24 --points 80";
 
@@ -76,11 +75,7 @@ fn a_synthetic_dataset_is_made_trained_and_its_parts_are_judged() {
 #[test]
 fn scenes_are_shown_beside_each_other() {
     let work = Work::new();
-    let mut scene = random_scene(8, 200, 60, 1);
-    let supplement = scene.supplement.as_mut().unwrap();
-    for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
-        *mean = mean.map(f32::sin);
-    }
+    let mut scene = visible(8, 200, 60, 1);
     write_scene(work.path("augmented.ply"), &scene).unwrap();
     scene.supplement = None;
     write_scene(work.path("base.ply"), &scene).unwrap();
