@@ -37,6 +37,13 @@ fn sample(seed: u64, count: usize, sh_degree: u32) -> Scene {
     random_scene(seed, count, 0, sh_degree)
 }
 
+/// A scene that other viewers show with lower opacities.
+fn faded(scene: Scene) -> SceneFile {
+    let mut shown = scene.base.clone();
+    shown.opacities.iter_mut().for_each(|v| *v -= 0.5);
+    SceneFile { shown: Some(shown), ..scene.into() }
+}
+
 /// The format of files with this name.
 fn format(name: &str) -> SceneFormat {
     SceneFormat::of(Path::new(name)).unwrap()
@@ -93,8 +100,13 @@ fn read(name: &str, bytes: &[u8]) -> Result<SceneFile, String> {
 /// Checks that these bytes are refused with an error that names the file and all of `words`.
 #[track_caller]
 fn refused(name: &str, bytes: &[u8], words: &[&str]) {
-    let message = read(name, bytes).map(drop).unwrap_err();
-    assert!(message.contains(name), "{message}");
+    says(read(name, bytes), &[&[name], words].concat());
+}
+
+/// Checks that a file was refused with an error that contains all of `words`.
+#[track_caller]
+fn says(result: Result<SceneFile, String>, words: &[&str]) {
+    let message = result.map(drop).unwrap_err();
     assert!(words.iter().all(|word| message.contains(word)), "expected {words:?}: {message}");
 }
 
@@ -137,6 +149,18 @@ fn largest(a: &Gaussians, b: &Gaussians, of: impl Fn(&Gaussians, usize) -> Vec<f
     let pairs = (0..a.len()).flat_map(|i| of(a, i).into_iter().zip(of(b, i)).collect::<Vec<_>>());
     // NaN counts as an infinite difference.
     pairs.map(|(a, b)| if a.is_finite() && b.is_finite() { (a - b).abs() } else { f64::INFINITY }).fold(0.0, f64::max)
+}
+
+/// For each of `means`, the index of the nearest Gaussian of `all`.
+fn nearest(all: &Gaussians, means: &[[f32; 3]]) -> Vec<usize> {
+    let distance = |i: usize, mean: &[f32; 3]| -> f32 { (0..3).map(|k| (all.means[i][k] - mean[k]).powi(2)).sum() };
+    let of = |mean| (0..all.len()).min_by(|&a, &b| distance(a, mean).total_cmp(&distance(b, mean))).unwrap();
+    means.iter().map(of).collect()
+}
+
+/// Whether lists have equal lengths and numbers that are almost equal.
+fn near(a: &[f32], b: &[f32]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5)
 }
 
 fn vector<const N: usize>(values: [f32; N]) -> Vec<f64> {

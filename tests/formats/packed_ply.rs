@@ -66,12 +66,6 @@ fn a_gaussian_is_read_as_described() {
     }
 }
 
-/// The Gaussian of `all` nearest to `mean`.
-fn nearest(all: &Gaussians, mean: [f32; 3]) -> usize {
-    let distance = |i: &usize| (0..3).map(|axis| (all.means[*i][axis] - mean[axis]).powi(2)).sum::<f32>();
-    (0..all.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
-}
-
 #[test]
 fn what_is_written_comes_back_within_half_a_step() {
     for (count, degree) in [(300, 0), (256, 1), (5, 2), (513, 3)] {
@@ -80,7 +74,7 @@ fn what_is_written_comes_back_within_half_a_step() {
         let text = String::from_utf8_lossy(&bytes);
         assert!(text.contains(&format!("element chunk {}\n", count.div_ceil(256))));
         let b = &back.base;
-        let order: Vec<usize> = b.means.iter().map(|&mean| nearest(&scene.base, mean)).collect();
+        let order = nearest(&scene.base, &b.means);
         let mut once = order.clone();
         once.sort_unstable();
         assert_eq!(once, (0..count).collect::<Vec<_>>(), "each of them once");

@@ -15,12 +15,9 @@ use super::*;
 
 /// An augmented scene with a trained base.
 fn augmented() -> (SceneFile, Vec<u8>) {
-    let scene = random_scene(6, 200, 40, 3);
-    let mut shown = scene.base.clone();
-    shown.opacities.iter_mut().for_each(|v| *v -= 0.5);
+    let file = faded(random_scene(6, 200, 40, 3));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("augmented.ply");
-    let file = SceneFile { shown: Some(shown), ..scene.into() };
     write_scene_file(&path, &file).unwrap();
     let bytes = fs::read(&path).unwrap();
     assert!(bytes.windows(15).any(|text| text == b"element learned"), "nothing is behind the base");

@@ -45,15 +45,14 @@ fn a_stage_of_another_program_is_read_under_its_transformations() {
     let base = &file.scene.base;
     assert_eq!((base.len(), base.sh_degree, file.trained_with.max_size), (2, 1, Some(400)));
     // A quarter turn about y takes (1, 2, 3) to (3, 2, −1); then 10 along x; then y and z change signs.
-    let near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-5);
-    assert!(near(base.means[0], [13.0, -2.0, 1.0]) && near(base.means[1], [9.0, 0.0, 0.0]), "{:?}", base.means);
-    assert!(near(base.log_scales[1], [0.5f32.ln(), 2f32.ln(), 0.0]) && base.opacities[0] == 0.0);
+    assert!(near(base.means.as_flattened(), &[13.0, -2.0, 1.0, 9.0, 0.0, 0.0]), "{:?}", base.means);
+    assert!(near(&base.log_scales[1], &[0.5f32.ln(), 2f32.ln(), 0.0]) && base.opacities[0] == 0.0);
     // Opaque, and the third opacity belongs to nobody.
     assert!(base.opacities.len() == 2 && base.opacities[1] > 15.0);
-    assert!(near(base.sh[0], [0.1, 0.2, 0.3]));
+    assert!(near(&base.sh[0], &[0.1, 0.2, 0.3]));
     // With z up, (x, y, z) of the stage is (x, −z, y) of a PLY.
     let up = read("a.usda", &stage("upAxis = \"Z\"", TWO)).unwrap().scene.base;
-    assert!(near(up.means[0], [13.0, 1.0, 2.0]), "{:?}", up.means);
+    assert!(near(&up.means[0], &[13.0, 1.0, 2.0]), "{:?}", up.means);
 }
 
 #[test]
