@@ -6,6 +6,7 @@
 use super::{
     loss::{Batch, LossOptions, Photometric, Tiles},
     model::{Model, Room, Segment},
+    plan::bind,
     raster::{Grid, Raster},
     render::{Needs, RenderOptions, Renderer, Show},
     session::Session,
@@ -151,30 +152,20 @@ impl Rig {
         for (image, look) in self.image.iter().zip(&self.look) {
             image.record(
                 recorder,
-                &density_image::Buffers {
-                    frames: &views.frames,
-                    image: &raster.buffers.image,
-                    targets,
-                    image_grad: &raster.buffers.image_grad,
-                },
+                &bind!(density_image { targets; views => frames; raster.buffers => image, image_grad; }),
                 &density_image::Push { frame: view },
                 views.cameras[view as usize].pixels(),
             );
             raster.record_scores(recorder, grid, &views.frames, &model.population);
             look.record_indirect(
                 recorder,
-                &bands_look::Buffers {
-                    population: &model.population,
-                    status,
-                    tile_counts: &raster.buffers.tile_counts,
-                    first_slot: &raster.buffers.first_slot,
-                    splat_colors: &raster.buffers.splat_colors,
-                    record_centres: &raster.records.record_centres,
-                    record_shapes: &raster.records.record_shapes,
-                    record_colors: &raster.records.record_colors,
-                    record_words: &raster.records.record_words,
-                    looks: &self.looks,
-                },
+                &bind!(bands_look {
+                    status;
+                    model => population;
+                    raster.buffers => tile_counts, first_slot, splat_colors;
+                    raster.records => record_centres, record_shapes, record_colors, record_words;
+                    self => looks;
+                }),
                 &bands_look::Push {
                     segment: page.segment,
                     page_first: page.first,

@@ -8,7 +8,7 @@ use super::{
     learn::{Beside, NEWTON_PART, Rates, moments_of, sh_moments},
     loss::Batch,
     model::{Model, Planes, Rearrange, Segment, Sources},
-    plan::buffers,
+    plan::{bind, buffers},
     raster::{Between, Grid, Raster},
     session::Session,
     sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
@@ -429,18 +429,13 @@ impl Density {
         for (k, dispatch, page) in model.pages(self.segment) {
             self.stages.score.record_indirect(
                 recorder,
-                &density_score::Buffers {
-                    population: &model.population,
+                &bind!(density_score {
                     status,
-                    tile_counts: &raster.buffers.tile_counts,
-                    first_slot: &raster.buffers.first_slot,
-                    splats: &raster.buffers.splats,
-                    record_centres: &raster.records.record_centres,
-                    record_shapes: &raster.records.record_shapes,
-                    record_colors: &raster.records.record_colors,
-                    record_words: &raster.records.record_words,
-                    scores: self.scores.page(k),
-                },
+                    scores: self.scores.page(k);
+                    model => population;
+                    raster.buffers => tile_counts, first_slot, splats;
+                    raster.records => record_centres, record_shapes, record_colors, record_words;
+                }),
                 &density_score::Push {
                     segment: page.segment,
                     page_first: page.first,

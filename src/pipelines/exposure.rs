@@ -2,7 +2,7 @@
 //! blended image goes through it before the comparison with the photograph. The mean of the maps stays the
 //! identity, so that the scene takes on no cast common to all photographs. Only training uses the maps.
 
-use super::{checkpoint::Checkpoint, raster::RasterBuffers, views::Views};
+use super::{checkpoint::Checkpoint, plan::bind, raster::RasterBuffers, views::Views};
 use crate::{
     error::Result,
     gpu::{Buffer, Context, Location, Recorder},
@@ -69,12 +69,7 @@ impl Exposure {
     pub(super) fn record_apply(&self, recorder: &mut Recorder, views: &Views, view: u32, raster: &RasterBuffers) {
         self.apply.record(
             recorder,
-            &exposure_apply::Buffers {
-                frames: &views.frames,
-                maps: &self.maps,
-                image: &raster.image,
-                corrected: &self.corrected,
-            },
+            &bind!(exposure_apply { views => frames; self => maps, corrected; raster => image; }),
             &exposure_apply::Push { frame: view, photo: view % self.photos },
             pixels(&views.frame_list[view as usize]),
         );
@@ -85,13 +80,7 @@ impl Exposure {
     pub(super) fn record_backward(&self, recorder: &mut Recorder, views: &Views, view: u32, raster: &RasterBuffers) {
         self.backward.record(
             recorder,
-            &exposure_backward::Buffers {
-                frames: &views.frames,
-                maps: &self.maps,
-                image: &raster.image,
-                image_grad: &raster.image_grad,
-                sums: &self.sums,
-            },
+            &bind!(exposure_backward { views => frames; self => maps, sums; raster => image, image_grad; }),
             &exposure_backward::Push { frame: view, photo: view % self.photos },
             runs(&views.frame_list[view as usize]),
         );

@@ -32,7 +32,7 @@ mod view;
 use ash::vk;
 
 use super::{
-    plan::Held,
+    plan::{Held, bind},
     raster::{Raster, SplatCount},
     render::{MEDIAN_THRESHOLD, ModelStages, Needs, Placed, RenderOptions},
 };
@@ -351,12 +351,7 @@ impl Frames {
             depth_form: view.depth_form.array(),
             background: if let Blend::Opaque(color) = target.blend { color } else { [0.0; 3] },
         };
-        let buffers = resolve::Buffers {
-            image: &self.raster.buffers.image,
-            depths: &b.depths,
-            target: &b.target,
-            depth_target: &b.depth_target,
-        };
+        let buffers = bind!(resolve { self.raster.buffers => image; b => depths, target, depth_target; });
         let curves = target.light == Light::Linear || target.exposure != 1.0;
         self.resolve[usize::from(curves)].record(recorder, &buffers, &push, push.pixels);
     }

@@ -4,6 +4,7 @@
 
 use super::{
     model::{Model, Planes, Segment},
+    plan::bind,
     raster::Raster,
     views::Views,
 };
@@ -366,24 +367,19 @@ impl Learner {
         for (k, dispatch, page) in model.pages(self.lesson.segment) {
             stage.record_indirect(
                 recorder,
-                &project_backward::Buffers {
-                    population: &model.population,
-                    views: &views.views,
+                &bind!(project_backward {
                     status,
-                    tile_counts: &raster.buffers.tile_counts,
-                    first_slot: &raster.buffers.first_slot,
-                    record_centres: &raster.records.record_centres,
-                    record_shapes: &raster.records.record_shapes,
-                    record_colors: &raster.records.record_colors,
-                    record_words: &raster.records.record_words,
-                    splat_colors: &raster.buffers.splat_colors,
                     geometry: part.geometry.page(k),
                     sh: part.sh.page(k),
                     lobes: part.lobes.page(k),
                     geometry_moments: into.geometry.page(k),
                     sh_moments: into.sh.page(k),
-                    lobe_moments: into.lobes.page(k),
-                },
+                    lobe_moments: into.lobes.page(k);
+                    model => population;
+                    views => views;
+                    raster.buffers => tile_counts, first_slot, splat_colors;
+                    raster.records => record_centres, record_shapes, record_colors, record_words;
+                }),
                 &project_backward::Push {
                     segment: page.segment,
                     page_first: page.first,

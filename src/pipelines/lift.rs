@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::{
     model::{Model, Segment},
-    plan::buffers,
+    plan::{bind, buffers},
     screen::Refiner,
     sort::{Extent, Scan, ScanBuffers},
     views::{Views, view},
@@ -241,13 +241,7 @@ impl LiftPhase {
         let Flat { screen_planes, stride, screen_frames, depths, count } = *flat;
         self.count.record(
             recorder,
-            &lift_count::Buffers {
-                screen_planes,
-                screen_frames,
-                views: &b.views,
-                depths,
-                point_counts: &b.point_counts,
-            },
+            &bind!(lift_count { screen_planes, screen_frames, depths; b => views, point_counts; }),
             &lift_count::Push { count, stride, view_count: b.views.len() as u32 },
             count,
         );
@@ -284,19 +278,11 @@ impl LiftPhase {
         let Flat { screen_planes, stride, screen_frames, depths, count } = *flat;
         self.points.record(
             recorder,
-            &lift_points::Buffers {
-                screen_planes,
-                screen_frames,
-                views: &b.views,
-                depths,
-                point_counts: &b.point_counts,
-                point_firsts: &b.point_firsts,
-                points: &p.points,
-                heaviest: &b.heaviest,
-                taus: &b.taus,
-                point_sets: &p.point_sets,
-                labels: &p.labels,
-            },
+            &bind!(lift_points {
+                screen_planes, screen_frames, depths;
+                b => views, point_counts, point_firsts, heaviest, taus;
+                p => points, point_sets, labels;
+            }),
             &lift_points::Push { count, stride, view_count: b.views.len() as u32 },
             count,
         );
@@ -317,26 +303,14 @@ impl LiftPhase {
         if point_count == 0 {
             return;
         }
-        let join = lift_join::Buffers {
-            points: &p.points,
-            point_sets: &p.point_sets,
-            point_counts: &b.point_counts,
-            point_firsts: &b.point_firsts,
-            taus: &b.taus,
-            cluster_sizes: &b.cluster_sizes,
-            labels: &p.labels,
-        };
-        let groups = lift_groups::Buffers {
-            point_counts: &b.point_counts,
-            point_firsts: &b.point_firsts,
-            heaviest: &b.heaviest,
-            labels: &p.labels,
-            group_sizes: &p.group_sizes,
-            taus: &b.taus,
-            prime_labels: &b.prime_labels,
-            cluster_sizes: &b.cluster_sizes,
-            rounds: &b.rounds,
-        };
+        let join = bind!(lift_join {
+            p => points, point_sets, labels;
+            b => point_counts, point_firsts, taus, cluster_sizes;
+        });
+        let groups = bind!(lift_groups {
+            b => point_counts, point_firsts, heaviest, taus, prime_labels, cluster_sizes, rounds;
+            p => labels, group_sizes;
+        });
         let join_push = lift_join::Push { point_count };
         for round in 0..=MAX_GROWTHS {
             let push = lift_groups::Push { count, point_count, round, last_round: MAX_GROWTHS };
@@ -357,21 +331,12 @@ impl LiftPhase {
         let Flat { screen_planes, stride, screen_frames, count, .. } = *flat;
         self.pca.record(
             recorder,
-            &lift_pca::Buffers {
-                screen_planes,
-                screen_frames,
-                views: &b.views,
-                train_views: &b.train_views,
-                points: &p.points,
-                point_counts: &b.point_counts,
-                point_firsts: &b.point_firsts,
-                heaviest: &b.heaviest,
-                labels: &p.labels,
-                prime_labels: &b.prime_labels,
-                cluster_sizes: &b.cluster_sizes,
-                lifts: &b.lifts,
-                lift_flags: &b.lift_flags,
-            },
+            &bind!(lift_pca {
+                screen_planes, screen_frames;
+                b => views, train_views, point_counts, point_firsts, heaviest, prime_labels, cluster_sizes, lifts,
+                    lift_flags;
+                p => points, labels;
+            }),
             &lift_pca::Push {
                 count,
                 stride,

@@ -13,7 +13,7 @@ pub use rearrange::{Rearrange, Sources};
 pub use upload::Upload;
 
 use super::{
-    plan::{Held, Plan, Planned},
+    plan::{Held, Plan, Planned, bind},
     views::Views,
 };
 use crate::{
@@ -350,14 +350,7 @@ impl Model {
         let (segment, words, added_index) = added.unwrap_or((Segment::Base, &nothing, NONE));
         self.recount.record(
             recorder,
-            &recount::Buffers {
-                added: words,
-                pages: &self.pages,
-                segment_counts: &self.segment_counts,
-                population: &self.population,
-                population_args: &self.population_args,
-                status,
-            },
+            &bind!(recount { status, added: words; self => pages, segment_counts, population, population_args; }),
             &recount::Push {
                 page_count: self.parts.iter().map(|p| p.pages.len() as u32).sum(),
                 threads_per_group: self.context.info().workgroup(WORKGROUP),

@@ -125,3 +125,15 @@ macro_rules! buffers {
     };
 }
 pub(crate) use buffers;
+
+/// The buffers of a kernel: first those with a value of their own, as in a struct expression, then after each
+/// struct the names of those that are fields of it.
+macro_rules! bind {
+    ($kernel:ident { $($from:expr => $($field:ident),+;)+ }) => {
+        $kernel::Buffers { $($($field: &$from.$field,)+)+ }
+    };
+    ($kernel:ident { $($own:ident $(: $value:expr)?),+; $($from:expr => $($field:ident),+;)+ }) => {
+        $kernel::Buffers { $($own $(: $value)?,)+ $($($field: &$from.$field,)+)+ }
+    };
+}
+pub(crate) use bind;

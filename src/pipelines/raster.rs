@@ -14,7 +14,7 @@ pub use memory::{RasterBuffers, RasterOptions, Records};
 pub use policy::{Policy, Reduction, TileShape};
 
 use super::{
-    plan::{Held, Plan},
+    plan::{Held, Plan, bind},
     sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
 };
 use crate::{
@@ -509,20 +509,15 @@ impl Raster {
         recorder.fill(&isects.rank_blocks, 0);
         self.stages.emit.record_indirect(
             recorder,
-            &emit::Buffers {
-                frames,
-                count: &f.count,
-                global_from_rank,
-                rank_first_slot: &d.rank_first_slot,
-                splats: &f.splats,
-                packed_splats: &f.packed_splats,
-                tile_counts: &f.tile_counts,
+            &bind!(emit {
+                frames, global_from_rank,
                 splat_frames: splat_frames.unwrap_or(&no_frames),
-                isect_tiles: &sorting.isect_tiles,
-                isect_globals: values[1],
-                rank_blocks: &isects.rank_blocks,
-                first_slot: &f.first_slot,
-            },
+                isect_globals: values[1];
+                f => count, splats, packed_splats, tile_counts, first_slot;
+                d => rank_first_slot;
+                sorting => isect_tiles;
+                isects => rank_blocks;
+            }),
             &emit::Push {
                 frame_first: grid.frame_first,
                 tiles_x: grid.tiles_x,
@@ -555,14 +550,10 @@ impl Raster {
         }
         self.stages.ranges.record(
             recorder,
-            &tile_ranges::Buffers {
-                count: &f.count,
-                isect_tiles: sorted_tiles,
-                tile_ranges: &f.tile_ranges,
-                tile_drawn: &f.tile_drawn,
-                tile_list: &f.tile_list,
-                tile_list_count: &f.tile_list_count,
-            },
+            &bind!(tile_ranges {
+                isect_tiles: sorted_tiles;
+                f => count, tile_ranges, tile_drawn, tile_list, tile_list_count;
+            }),
             // guard: tiles counted in vain
             &tile_ranges::Push { count_index: ISECTS_SORTED, tile_count: grid.tiles() },
             grid.tiles(),
@@ -612,23 +603,13 @@ impl Raster {
         depth_form: [f32; 2],
     ) {
         let f = &self.buffers;
-        let buffers = blend::Buffers {
+        let buffers = bind!(blend {
             frames,
-            tile_ranges: &f.tile_ranges,
-            isect_slots: &self.isects.isect_slots,
-            rank_blocks: &self.isects.rank_blocks,
-            global_from_rank: self.global_from_rank(),
-            splats: &f.splats,
-            splat_colors: &f.splat_colors,
-            packed_splats: &f.packed_splats,
-            backdrop: &f.backdrop,
-            image: &f.image,
-            median_ids: &f.median_ids,
-            depth_keys: &f.depth_keys,
-            scene_depths: &f.scene_depths,
-            tile_list: &f.tile_list,
-            tile_list_count: &f.tile_list_count,
-        };
+            global_from_rank: self.global_from_rank();
+            f => tile_ranges, splats, splat_colors, packed_splats, backdrop, image, median_ids, depth_keys,
+                scene_depths, tile_list, tile_list_count;
+            self.isects => isect_slots, rank_blocks;
+        });
         let push = blend::Push {
             frame_first: grid.frame_first,
             tiles_x: grid.tiles_x,

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::{
     model::{Model, Room, Segment},
+    plan::bind,
     raster::{Grid, Raster, RasterOptions, SplatCount},
     session::Policy,
     views::Views,
@@ -231,18 +232,14 @@ impl ModelStages {
             for (k, dispatch, page) in model.pages(segment) {
                 stage.record_indirect(
                     recorder,
-                    &project::Buffers {
-                        population: &model.population,
-                        views,
+                    &bind!(project {
+                        views, depth_keys,
                         geometry: part.geometry.page(k),
                         sh: part.sh.page(k),
-                        lobes: part.lobes.page(k),
-                        splats: &raster.buffers.splats,
-                        splat_colors: &raster.buffers.splat_colors,
-                        packed_splats: &raster.buffers.packed_splats,
-                        depth_keys,
-                        tile_counts: &raster.buffers.tile_counts,
-                    },
+                        lobes: part.lobes.page(k);
+                        model => population;
+                        raster.buffers => splats, splat_colors, packed_splats, tile_counts;
+                    }),
                     &project::Push {
                         segment: segment.index(),
                         page_first: page.first,

@@ -7,7 +7,7 @@ use crate::{
     pipelines::{
         lift::{Append, Lifts},
         model::{Model, Segment},
-        plan::buffers,
+        plan::{bind, buffers},
         render::{Renderer, Show},
         session::Session,
         sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
@@ -314,19 +314,14 @@ impl Placer {
         let targets = views.record_photograph(recorder, view, None)?;
         self.stages.residual.record(
             recorder,
-            &pursuit_residual::Buffers {
-                frames: &views.frames,
-                plots: &self.plots,
-                image,
-                targets,
-                depths,
-                texels: &w.raw_texels,
-                surface_depths: &page.surface_depths,
-                errors: &page.errors,
-                error_sums: &w.error_sums,
-                explained: &page.explained,
-                squares: &w.squares,
-            },
+            &bind!(pursuit_residual {
+                image, targets, depths,
+                texels: &w.raw_texels;
+                views => frames;
+                self => plots;
+                page => surface_depths, errors, explained;
+                w => error_sums, squares;
+            }),
             &pursuit_residual::Push { view },
             pixels.div_ceil(ERROR_BLOCK),
         );
@@ -382,17 +377,13 @@ impl Placer {
         for page in &self.pages {
             s.draw.record(
                 recorder,
-                &pursuit_draw::Buffers {
-                    views: &views.views,
-                    plots: &self.plots,
-                    quanta_total: &w.counts,
-                    quanta_firsts: &w.quanta_firsts,
-                    quanta: &w.quanta,
-                    error_sums: &w.error_sums,
-                    errors: &page.errors,
-                    surface_depths: &page.surface_depths,
-                    candidates: &w.candidates,
-                },
+                &bind!(pursuit_draw {
+                    quanta_total: &w.counts;
+                    views => views;
+                    self => plots;
+                    w => quanta_firsts, quanta, error_sums, candidates;
+                    page => errors, surface_depths;
+                }),
                 &pursuit_draw::Push {
                     count: self.candidates,
                     seed: self.session.seed as u32,
@@ -464,18 +455,12 @@ impl Placer {
         for (k, page) in self.pages.iter().enumerate() {
             s.gain.record(
                 recorder,
-                &pursuit_gain::Buffers {
-                    views: &views.views,
-                    plots: &self.plots,
-                    surface_depths: &page.surface_depths,
-                    candidates: &w.candidates,
-                    texels: &page.texels,
-                    explained: &page.explained,
-                    fits: &w.fits,
-                    gain_keys: &w.gain_keys,
-                    gains: &w.gains,
-                    gain_squares: &w.gain_squares,
-                },
+                &bind!(pursuit_gain {
+                    views => views;
+                    self => plots;
+                    page => surface_depths, texels, explained;
+                    w => candidates, fits, gain_keys, gains, gain_squares;
+                }),
                 &pursuit_gain::Push {
                     count,
                     view_first: page.views.start,
@@ -495,16 +480,12 @@ impl Placer {
                 }
                 s.claim[check].record(
                     recorder,
-                    &pursuit_claim::Buffers {
-                        views: &views.views,
-                        plots: &self.plots,
-                        surface_depths: &page.surface_depths,
-                        candidates: &w.candidates,
-                        fits: &w.fits,
-                        gains: &w.gains,
-                        claims: &page.claims,
-                        beaten: &w.beaten,
-                    },
+                    &bind!(pursuit_claim {
+                        views => views;
+                        self => plots;
+                        page => surface_depths, claims;
+                        w => candidates, fits, gains, beaten;
+                    }),
                     &pursuit_claim::Push {
                         count,
                         view_first: page.views.start,
@@ -518,18 +499,12 @@ impl Placer {
         for (k, page) in self.pages.iter().enumerate() {
             s.attenuate.record(
                 recorder,
-                &pursuit_attenuate::Buffers {
-                    views: &views.views,
-                    plots: &self.plots,
-                    surface_depths: &page.surface_depths,
-                    candidates: &w.candidates,
-                    texels: &page.texels,
-                    fits: &w.fits,
-                    gains: &w.gains,
-                    beaten: &w.beaten,
-                    explained: &page.explained,
-                    gain_keys: &w.gain_keys,
-                },
+                &bind!(pursuit_attenuate {
+                    views => views;
+                    self => plots;
+                    page => surface_depths, texels, explained;
+                    w => candidates, fits, gains, beaten, gain_keys;
+                }),
                 &pursuit_attenuate::Push {
                     count,
                     view_first: page.views.start,
@@ -557,18 +532,11 @@ impl Placer {
         }
         s.place.record(
             recorder,
-            &pursuit_place::Buffers {
+            &bind!(pursuit_place {
                 kept: &w.counts,
-                order: sorted.values,
-                candidates: &w.candidates,
-                fits: &w.fits,
-                gain_keys: &w.gain_keys,
-                lifts: &w.lifts,
-                lift_flags: &w.lift_flags,
-                plain_flags: &w.plain_flags,
-                prices: &w.prices,
-                spent: &w.spent,
-            },
+                order: sorted.values;
+                w => candidates, fits, gain_keys, lifts, lift_flags, plain_flags, prices, spent;
+            }),
             &pursuit_place::Push {
                 count: self.most,
                 most: self.limit,

@@ -6,7 +6,7 @@ use crate::{
     gpu::{Buffer, Context, GpuError, Recorder},
     pipelines::{
         loss::{Batch, LossOptions, Photometric, TileLists, Tiles},
-        plan::{Plan, buffers},
+        plan::{Plan, bind, buffers},
         raster::{Grid, Raster, RasterOptions, SplatCount},
         session::Policy,
     },
@@ -203,17 +203,10 @@ impl Screen {
     /// Renders the batch's current images over `backdrop`.
     pub fn record_render(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
         let (b, r, places) = (&self.buffers, &self.raster.buffers, self.current.places);
-        let buffers = screen_project::Buffers {
-            frames: &b.frames,
-            screen_frames: &b.screen_frames,
-            screen_states: &b.screen_states,
-            depths: &b.depths,
-            screen_planes: &b.screen_planes,
-            splats: &r.splats,
-            splat_colors: &r.splat_colors,
-            depth_keys: &r.depth_keys,
-            tile_counts: &r.tile_counts,
-        };
+        let buffers = bind!(screen_project {
+            b => frames, screen_frames, screen_states, depths, screen_planes;
+            r => splats, splat_colors, depth_keys, tile_counts;
+        });
         let push = screen_project::Push { count: places, stride: self.sizes.places };
         self.project.record(recorder, &buffers, &push, places);
         let splats = SplatCount { count: &b.population, index: 1, args: &b.population_args, dispatch: 0 };
@@ -227,16 +220,11 @@ impl Screen {
         let TileLists { tile_marks, count, args, forward_tiles, backward_tiles } = lists;
         recorder.fill(tile_marks, 0);
         recorder.fill(count, 0);
-        let buffers = screen_tiles::Buffers {
-            frames: &b.frames,
-            screen_frames: &b.screen_frames,
-            tile_counts: &r.tile_counts,
-            splats: &r.splats,
-            tile_marks,
-            count,
-            forward_tiles,
-            backward_tiles,
-        };
+        let buffers = bind!(screen_tiles {
+            tile_marks, count, forward_tiles, backward_tiles;
+            b => frames, screen_frames;
+            r => tile_counts, splats;
+        });
         let push = screen_tiles::Push { count: self.current.places, tiles_per_frame: self.current.tiles_per_frame };
         self.tiles.record(recorder, &buffers, &push, self.current.places);
         for list in 0..2 {
@@ -287,20 +275,12 @@ impl Screen {
         status: &Buffer<u32>,
     ) {
         let (b, raster) = (&self.buffers, &self.raster);
-        let buffers = screen_backward::Buffers {
-            status,
-            frames: &b.frames,
-            screen_frames: &b.screen_frames,
-            screen_states: &b.screen_states,
-            tile_counts: &raster.buffers.tile_counts,
-            first_slot: &raster.buffers.first_slot,
-            record_centres: &raster.records.record_centres,
-            record_shapes: &raster.records.record_shapes,
-            record_colors: &raster.records.record_colors,
-            screen_planes: &b.screen_planes,
-            screen_ages: &b.screen_ages,
-            screen_moments,
-        };
+        let buffers = bind!(screen_backward {
+            status, screen_moments;
+            b => frames, screen_frames, screen_states, screen_planes, screen_ages;
+            raster.buffers => tile_counts, first_slot;
+            raster.records => record_centres, record_shapes, record_colors;
+        });
         let by_gaussian = raster.by_gaussian().into();
         let push = screen_backward::Push { count: self.current.places, stride: self.sizes.places, by_gaussian };
         stage.record(recorder, &buffers, &push, self.current.places);
@@ -309,13 +289,7 @@ impl Screen {
     /// Frees the places of 2D Gaussians that are too faint or cover too few pixels.
     pub fn record_prune(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
         let b = &self.buffers;
-        let buffers = screen_prune::Buffers {
-            status,
-            frames: &b.frames,
-            screen_states: &b.screen_states,
-            screen_planes: &b.screen_planes,
-            screen_frames: &b.screen_frames,
-        };
+        let buffers = bind!(screen_prune { status; b => frames, screen_states, screen_planes, screen_frames; });
         let push = screen_prune::Push { count: self.current.places, stride: self.sizes.places };
         self.prune.record(recorder, &buffers, &push, self.current.places);
     }
@@ -330,19 +304,12 @@ impl Screen {
     /// Draws new Gaussians at pixels with a high loss; `age` is their initial age.
     pub fn record_draw(&self, recorder: &mut Recorder, round: u32, seed: u32, age: u32, status: &Buffer<u32>) {
         let b = &self.buffers;
-        let buffers = screen_draw::Buffers {
+        let buffers = bind!(screen_draw {
             status,
-            frames: &b.frames,
-            quotas: &b.quotas,
-            loss_map: self.loss.loss_map(),
-            image: &self.raster.buffers.image,
-            drawn_pixels: &b.drawn_pixels,
-            screen_states: &b.screen_states,
-            screen_frames: &b.screen_frames,
-            screen_planes: &b.screen_planes,
-            screen_ages: &b.screen_ages,
-            screen_moments: &b.screen_moments,
-        };
+            loss_map: self.loss.loss_map();
+            b => frames, quotas, drawn_pixels, screen_states, screen_frames, screen_planes, screen_ages, screen_moments;
+            self.raster.buffers => image;
+        });
         let (frame_count, stride) = (self.current.frames, self.sizes.places);
         let push = screen_draw::Push { frame_count, stride, round, seed, age };
         self.draw.record(recorder, &buffers, &push, self.current.frames);
