@@ -526,6 +526,20 @@ mod tests {
         Ok(ImageFile { path, size, orientation: 1, bytes_per_pixel, has_alpha, lens: None, mask: None, alpha, reduce })
     }
 
+    fn encoded(picture: &RgbImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    /// Changes the size in a PNG's header, and its checksum.
+    fn resized(mut png: Vec<u8>, size: [u32; 2]) -> Vec<u8> {
+        png[16..24].copy_from_slice(size.map(u32::to_be_bytes).as_flattened());
+        let checksum = crc32fast::hash(&png[12..29]).to_be_bytes();
+        png[29..33].copy_from_slice(&checksum);
+        png
+    }
+
     #[test]
     fn what_is_no_image_is_named_and_damage_never_panics() {
         let folder = tempfile::tempdir().unwrap();
@@ -538,13 +552,8 @@ mod tests {
         assert!(fails(b"").contains("a.png") && fails(b"").contains("replace it, or remove it"));
         assert!(fails(b"GIF89a").contains("PNG, JPEG, WebP, TIFF or BMP"));
         let picture = RgbImage::from_fn(9, 7, |x, y| image::Rgb([x as u8 * 20, y as u8 * 30, 77]));
-        let mut png = Cursor::new(Vec::new());
-        picture.write_to(&mut png, ImageFormat::Png).unwrap();
-        // The width in a PNG's header, and its checksum.
-        let (png, mut huge) = (png.get_ref(), png.get_ref().clone());
-        huge[16..20].copy_from_slice(&70000u32.to_be_bytes());
-        let checksum = crc32fast::hash(&huge[12..29]).to_be_bytes();
-        huge[29..33].copy_from_slice(&checksum);
+        let png = encoded(&picture, ImageFormat::Png);
+        let huge = resized(png.clone(), [70000, 7]);
         assert!(fails(&huge).contains("70000 × 7"), "{}", fails(&huge));
         for at in 0..png.len() {
             let mut bytes = png.clone();
@@ -569,9 +578,7 @@ mod tests {
     fn of_a_jpeg_that_ends_early_the_rows_count_that_are_there() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.jpg");
-        let mut bytes = Cursor::new(Vec::new());
-        noise(48, 64).write_to(&mut bytes, ImageFormat::Jpeg).unwrap();
-        let bytes = bytes.into_inner();
+        let bytes = encoded(&noise(48, 64), ImageFormat::Jpeg);
         let read = |bytes: &[u8], orientation| {
             std::fs::write(&path, bytes).unwrap();
             let size = upright([48, 64], orientation);
@@ -654,13 +661,7 @@ mod tests {
 
     #[test]
     fn more_pixels_than_the_bytes_can_hold_are_refused() {
-        let mut png = Cursor::new(Vec::new());
-        RgbImage::new(9, 7).write_to(&mut png, ImageFormat::Png).unwrap();
-        let mut bytes = png.into_inner();
-        bytes[16..20].copy_from_slice(&8000u32.to_be_bytes());
-        bytes[20..24].copy_from_slice(&8000u32.to_be_bytes());
-        let checksum = crc32fast::hash(&bytes[12..29]).to_be_bytes();
-        bytes[29..33].copy_from_slice(&checksum);
+        let bytes = resized(encoded(&RgbImage::new(9, 7), ImageFormat::Png), [8000; 2]);
         let refused = check(&bytes, Path::new("a.png")).unwrap_err().to_string();
         assert!(refused.contains("bytes can hold"), "{refused}");
     }

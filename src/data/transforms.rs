@@ -479,10 +479,15 @@ mod tests {
         };
         merge(&mut file, &all);
         merge(&mut file["frames"][0], &frame);
-        let folder = folder(&[("transforms.json", &file.to_string()), ("a.png", ""), ("b.jpeg", "")]);
-        Ok(read(&find(folder.path()).unwrap(), false, &DatasetOptions::default())?.entries.remove(0))
+        let folder = folder(&[(PLAIN, &file.to_string()), ("a.png", ""), ("b.jpeg", "")]);
+        Ok(listed(&folder)?.entries.remove(0))
     }
 
+    fn listed(folder: &tempfile::TempDir) -> Result<Listing> {
+        read(&find(folder.path()).unwrap(), false, &DatasetOptions::default())
+    }
+
+    /// Checks the reason why the frame is left out.
     #[track_caller]
     fn expect(all: Value, frame: Value, parts: &[&str]) {
         let why = one(all, frame).unwrap().lost.unwrap();
@@ -509,15 +514,9 @@ mod tests {
         assert!(gram.to_cols_array().iter().all(|v| v.abs() < 1e-12));
     }
 
-    /// Checks the reason why the frame is left out.
-    #[track_caller]
-    fn expect_lost(frame: Value, part: &str) {
-        let why = one(json!({"camera_angle_x": 0.7}), frame).unwrap().lost.unwrap();
-        assert!(why.starts_with("frame 0") && why.contains(part), "`{part}` is not in: {why}");
-    }
-
     #[test]
     fn bad_matrices_are_left_out_by_frame() {
+        let expect_lost = |frame: Value, part: &str| expect(json!({"camera_angle_x": 0.7}), frame, &[part]);
         let edited = |row: usize, column: usize, value: f64| {
             let mut matrix = UPRIGHT;
             matrix[row][column] = value;
@@ -548,8 +547,7 @@ mod tests {
             let matrix = format!(r#", "transform_matrix": {}"#, json!(UPRIGHT));
             let frames = [frame("a", first), frame("NaN, \\\" -Infinity", &matrix)].join(",");
             let text = format!(r#"{{"fl_x": 9, "frames": [{frames}]}}"#);
-            let folder = folder(&[(PLAIN, &text), ("a.png", "")]);
-            super::read(&folder.path().join(PLAIN), false, &DatasetOptions::default())
+            listed(&folder(&[(PLAIN, &text), ("a.png", "")]))
         };
         for first in [
             "",
@@ -632,7 +630,7 @@ mod tests {
         let frame = json!({"file_path": "r_0", "transform_matrix": UPRIGHT});
         let file = json!({"camera_angle_x": 0.7, "frames": [frame]}).to_string();
         let folder = folder(&[(TRAIN, &file), (TEST, &file.replace("r_0", "r_1"))]);
-        let read = || read(&find(folder.path()).unwrap(), false, &DatasetOptions::default()).unwrap();
+        let read = || listed(&folder).unwrap();
         assert_eq!(read().sources, [TRAIN, TEST].map(|name| folder.path().join(name)));
         fs::remove_file(folder.path().join(TEST)).unwrap();
         assert_eq!(read().entries[0].split, None);
@@ -685,8 +683,7 @@ mod tests {
             let clouds = names.iter().map(|name| (*name, ply));
             let files: Vec<(&str, &str)> = [(PLAIN, json), ("a.png", "")].into_iter().chain(clouds).collect();
             let folder = folder(&files);
-            let Listing { points, sources, notes, .. } =
-                read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).unwrap();
+            let Listing { points, sources, notes, .. } = listed(&folder).unwrap();
             let last = sources.last().unwrap().strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned();
             (points.map(|p| p.positions), last, notes.join("; "))
         };
@@ -713,7 +710,7 @@ mod tests {
             ("points3D.ply", "ply\nproperty float f_dc_0\nend_header\n"),
         ];
         let folder = folder(&broken);
-        let listed = read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).unwrap();
+        let listed = listed(&folder).unwrap();
         assert_eq!((listed.points, listed.notes.len()), (None, 1));
         assert!(listed.notes[0].contains("sparse_pc.ply are left out"), "{:?}", listed.notes);
     }
@@ -727,7 +724,7 @@ mod tests {
             let files: Vec<(&str, &str)> =
                 [(PLAIN, &file[..])].into_iter().chain(masks.iter().map(|mask| (*mask, ""))).collect();
             let folder = folder(&files);
-            let listed = super::read(&folder.path().join(PLAIN), false, &DatasetOptions::default()).unwrap();
+            let listed = listed(&folder).unwrap();
             let name = |entry: &Entry| {
                 Some(entry.mask.as_ref()?.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned())
             };
