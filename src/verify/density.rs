@@ -98,16 +98,12 @@ fn image(bench: &Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
     let targets: Vec<u32> = (0..pixels + 9).map(|p| noise(p) | if p % 5 == 0 { 0 } else { 255 << 24 }).collect();
     let targets: Vec<u32> =
         targets.into_iter().enumerate().map(|(p, t)| if p % 5 == 0 { t & 0xFF_FFFF } else { t }).collect();
-    let frames_there = Buffer::from_slice(context, "frames", &frames)?;
-    let image_there = Buffer::from_slice(context, "image", &image)?;
-    let targets_there = Buffer::from_slice(context, "targets", &targets)?;
-    let image_grad = Buffer::<f32>::zeroed(context, "image_grad", 3 * image.len())?;
     let workgroup_size = context.info().workgroup(WORKGROUP);
     let buffers = density_image::Buffers {
-        frames: &frames_there,
-        image: &image_there,
-        targets: &targets_there,
-        image_grad: &image_grad,
+        frames: &Buffer::from_slice(context, "frames", &frames)?,
+        image: &Buffer::from_slice(context, "image", &image)?,
+        targets: &Buffer::from_slice(context, "targets", &targets)?,
+        image_grad: &Buffer::<f32>::zeroed(context, "image_grad", 3 * image.len())?,
     };
     for terms in [ERRORS, RED_GREEN, BLUE] {
         let stage = density_image::Stage::new(context, &density_image::Spec { workgroup_size, terms })?;
@@ -184,19 +180,15 @@ fn weigh(bench: &Bench<'_>, page: &Page, strategy: u32) -> Result<()> {
     // A fifth of the scores are 0.
     let scores: Vec<[f32; 4]> =
         (0..count as u32).map(|i| [0, 1, 2, 3].map(|p| (unit(4 * i + p) - 0.2).max(0.0))).collect();
-    let geometry = Buffer::from_slice(context, "geometry", &page.quads)?;
-    let scores_there = Buffer::from_slice(context, "scores", &scores)?;
     let numbers = PAGE_FIRST as usize + count;
-    let alive = Buffer::<u32>::zeroed(context, "alive", numbers)?;
-    let keys = Buffer::<u32>::zeroed(context, "keys", numbers)?;
     let spec = density_weigh::Spec { workgroup_size: page.workgroup_size, strategy };
     let stage = density_weigh::Stage::new(context, &spec)?;
     let buffers = density_weigh::Buffers {
         population: &page.population,
-        geometry: &geometry,
-        scores: &scores_there,
-        alive: &alive,
-        keys: &keys,
+        geometry: &Buffer::from_slice(context, "geometry", &page.quads)?,
+        scores: &Buffer::from_slice(context, "scores", &scores)?,
+        alive: &Buffer::<u32>::zeroed(context, "alive", numbers)?,
+        keys: &Buffer::<u32>::zeroed(context, "keys", numbers)?,
     };
     // A weight is a whole number up to 2^31 / capacity: an error of one must be small against the bound.
     let capacity = 6000;
@@ -329,14 +321,6 @@ fn apply(bench: &Bench<'_>, page: &Page, strategy: u32, planes: u32) -> Result<(
         (0..(quads * count) as u32).map(|i| [0, 1, 2, 3].map(|c| 0.5 + unit(4 * i + c))).collect()
     };
     let (moments, sh_moments) = (some(of_each * quads(GEOMETRY_PLANES)), some(of_each * quads(sh)));
-    let geometry = Buffer::from_slice(context, "geometry", &page.quads)?;
-    let moments_there = Buffer::from_slice(context, "moments", &moments)?;
-    let sh_there = Buffer::from_slice(context, "sh_moments", &sh_moments)?;
-    let lobes_there = Buffer::<[f32; 4]>::zeroed(context, "lobe_moments", 1)?;
-    let scores = Buffer::from_slice(context, "scores", &vec![[1f32; SCORES as usize]; count])?;
-    let words = Buffer::from_slice(context, "words", &[0, stays, 0, 0, numbers as u32])?;
-    let sources_there = Buffer::from_slice(context, "sources", &sources)?;
-    let copies_there = Buffer::from_slice(context, "copies", &copies)?;
     let spec = density_apply::Spec {
         workgroup_size: page.workgroup_size,
         strategy,
@@ -347,15 +331,15 @@ fn apply(bench: &Bench<'_>, page: &Page, strategy: u32, planes: u32) -> Result<(
     let buffers = density_apply::Buffers {
         population: &page.population,
         status: &page.status,
-        words: &words,
-        sources: &sources_there,
-        copies: &copies_there,
-        geometry: &geometry,
-        geometry_moments: &moments_there,
-        sh_moments: &sh_there,
+        words: &Buffer::from_slice(context, "words", &[0, stays, 0, 0, numbers as u32])?,
+        sources: &Buffer::from_slice(context, "sources", &sources)?,
+        copies: &Buffer::from_slice(context, "copies", &copies)?,
+        geometry: &Buffer::from_slice(context, "geometry", &page.quads)?,
+        geometry_moments: &Buffer::from_slice(context, "moments", &moments)?,
+        sh_moments: &Buffer::from_slice(context, "sh_moments", &sh_moments)?,
         // A separate buffer, since each binding is compared.
-        lobe_moments: &lobes_there,
-        scores: &scores,
+        lobe_moments: &Buffer::<[f32; 4]>::zeroed(context, "lobe_moments", 1)?,
+        scores: &Buffer::from_slice(context, "scores", &vec![[1f32; SCORES as usize]; count])?,
     };
     let push = density_apply::Push {
         segment: 1,

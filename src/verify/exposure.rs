@@ -61,17 +61,15 @@ fn pixels(bench: &Bench<'_>, (width, height): (u32, u32)) -> Result<()> {
     let push = exposure_apply::Push { frame: 1, photo: PHOTO };
     bench.run(|recorder| stage.record(recorder, &buffers, &push, count))?;
 
-    let image_grad = Buffer::from_slice(context, "image_grad", &grads)?;
     let runs = count.div_ceil(SUM_PIXELS);
-    let sums = Buffer::<f32>::zeroed(context, "sums", (MAP * runs) as usize)?;
     let spec = exposure_backward::Spec { workgroup_size: context.info().subgroup_size };
     let stage = exposure_backward::Stage::new(context, &spec)?;
     let buffers = exposure_backward::Buffers {
         frames: &frames,
         maps: &maps,
         image: &image,
-        image_grad: &image_grad,
-        sums: &sums,
+        image_grad: &Buffer::from_slice(context, "image_grad", &grads)?,
+        sums: &Buffer::<f32>::zeroed(context, "sums", (MAP * runs) as usize)?,
     };
     let push = exposure_backward::Push { frame: 1, photo: PHOTO };
     bench.run(|recorder| stage.record(recorder, &buffers, &push, runs))

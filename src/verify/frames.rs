@@ -61,7 +61,6 @@ fn texels(bench: &Bench<'_>, pixels: usize) -> Result<()> {
         let words = twin::words(format);
         let mut texels = vec![0; words * pixels];
         texels.chunks_mut(words).zip(&below).for_each(|(texel, below)| twin::pack(format, *below, texel));
-        let target = Buffer::from_slice(context, "target", &texels)?;
         let form = [0.1, -0.3f32];
         let push = resolve::Push {
             pixels: pixels as u32,
@@ -76,7 +75,7 @@ fn texels(bench: &Bench<'_>, pixels: usize) -> Result<()> {
         let buffers = resolve::Buffers {
             image: &image_there,
             depths: &depths_there,
-            target: &target,
+            target: &Buffer::from_slice(context, "target", &texels)?,
             depth_target: &depth_target,
         };
         bench.run(|recorder| stage.record(recorder, &buffers, &push, push.pixels))?;

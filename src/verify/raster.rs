@@ -251,8 +251,7 @@ fn steps_done(bench: &Bench<'_>) -> Result<()> {
         if failed {
             before.fail(Resource::SupplementGaussians, 5);
         }
-        let status = Buffer::from_slice(&bench.shadowed, "status", &before.0)?;
-        let buffers = step_done::Buffers { status: &status };
+        let buffers = step_done::Buffers { status: &Buffer::from_slice(&bench.shadowed, "status", &before.0)? };
         bench.run(|recorder| stage.record(recorder, &buffers, &step_done::Push {}, 1))?;
     }
     Ok(())
