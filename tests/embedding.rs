@@ -4,6 +4,9 @@
 mod common;
 #[path = "common/counting.rs"]
 mod counting;
+#[allow(dead_code, reason = "no images are drawn here")]
+#[path = "common/engine.rs"]
+mod engine;
 
 use std::{
     collections::BTreeSet,
@@ -20,6 +23,7 @@ use std::{
 use ash::{ext, khr, vk};
 use common::{Gpu, Turn};
 use counting::Told;
+use engine::Engine;
 use glam::DVec3;
 use glint::{
     Error,
@@ -121,10 +125,6 @@ impl Application {
         }
     }
 
-    fn queue(&self) -> vk::Queue {
-        unsafe { self.device.get_device_queue(self.queue_family, 0) }
-    }
-
     fn lend_with(&self, pipeline_cache: vk::PipelineCache, queue_lock: Option<QueueLock>) -> Context {
         unsafe { Context::borrow(BorrowedDevice { pipeline_cache, queue_lock, ..self.borrowed() }) }.unwrap()
     }
@@ -136,7 +136,7 @@ impl Application {
             physical_device: self.physical_device,
             device: self.device.clone(),
             queue_family: self.queue_family,
-            queue: self.queue(),
+            queue: unsafe { self.device.get_device_queue(self.queue_family, 0) },
             optional: Default::default(),
             pipeline_cache: vk::PipelineCache::null(),
             queue_lock: None,
@@ -175,25 +175,6 @@ impl Drop for Application {
     }
 }
 
-/// Records and runs commands of an engine, and waits.
-fn run(application: &Application, record: impl FnOnce(vk::CommandBuffer)) {
-    let device = &application.device;
-    unsafe {
-        let info = vk::CommandPoolCreateInfo::default().queue_family_index(application.queue_family);
-        let pool = device.create_command_pool(&info, None).unwrap();
-        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-        let commands = device.allocate_command_buffers(&info).unwrap()[0];
-        device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()).unwrap();
-        record(commands);
-        device.end_command_buffer(commands).unwrap();
-        let buffers = [commands];
-        let submit = [vk::SubmitInfo::default().command_buffers(&buffers)];
-        device.queue_submit(application.queue(), &submit, vk::Fence::null()).unwrap();
-        device.queue_wait_idle(application.queue()).unwrap();
-        device.destroy_command_pool(pool, None);
-    }
-}
-
 /// Loads and draws a scene in the application's commands, and again in glint's own. At the end all of glint's
 /// objects are destroyed; meanwhile kernels and buffers have their names.
 #[test]
@@ -204,8 +185,8 @@ fn what_glint_makes_on_a_lent_device_it_names_and_destroys() {
     let lent = BorrowedDevice { instance, device, labels: true, ..application.borrowed() };
     let context = unsafe { Context::borrow(lent) }.unwrap();
     let upload = Upload::prepare(&context, DVec3::ZERO, &scene, Room::default()).unwrap();
-    let mut kept = Kept::default();
-    run(&application, |commands| {
+    let (engine, mut kept) = (Engine::new(&context, 1), Kept::default());
+    engine.run(|commands| {
         let mut recorder = unsafe { Recorder::borrow(&context, commands, Kept::default()) };
         upload.record(&mut recorder).unwrap();
         kept = recorder.finish();
@@ -219,7 +200,7 @@ fn what_glint_makes_on_a_lent_device_it_names_and_destroys() {
     let color = Some(Target::new(Pixels::Buffer(range), Texel::Rgba32F));
     let views = [FrameView { color, ..FrameView::new(camera) }];
     let before = counting::heard().len();
-    run(&application, |commands| {
+    engine.run(|commands| {
         let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &views };
         unsafe { frames.record(commands, &frame) }.unwrap();
     });
@@ -251,7 +232,8 @@ fn what_glint_makes_on_a_lent_device_it_names_and_destroys() {
 
     let held = |made: u64, gone: u64| made - gone;
     assert!(counting::counts().any(|(_, made, gone)| held(made, gone) > 10));
-    drop((renderer, views, frames, target, model, context));
+    drop((renderer, views, frames, target, model, engine));
+    drop(context);
     for (function, made, gone) in counting::counts() {
         assert!(made > 0 && held(made, gone) == 0, "{function:?}: {made} were made, {gone} destroyed");
     }
@@ -521,7 +503,7 @@ fn a_device_without_push_descriptors_computes_the_same() {
         for _ in 0..2 {
             renderer.raster.buffers.image.upload(0, &[[0.0; 4]; 60 * 50]).unwrap();
             let (before, mut kept) = (gpu.counters(), Kept::default());
-            run(&application, |commands| unsafe {
+            Engine::new(&gpu, 1).run(|commands| unsafe {
                 let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &seen };
                 frames.record(commands, &frame).unwrap();
                 assert!(matches!(Recorder::borrow(&gpu, commands, Kept::default()).submit(), Err(GpuError::NotOurs)));

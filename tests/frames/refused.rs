@@ -32,6 +32,16 @@ fn refuse(frames: &mut Frames, commands: vk::CommandBuffer, frame: &Frame<'_>, w
     assert!(frames.report(0).is_err());
 }
 
+/// Refuses views of one instance of `model`.
+fn refusing<'a>(gpu: &'a Gpu, model: &'a Model, limits: Limits) -> impl FnMut(FrameView, &str) + 'a {
+    let (mut frames, engine) = (Frames::new(gpu, limits).unwrap(), Engine::new(gpu, 1));
+    move |view, words| {
+        let frame = Frame { slot: 0, instances: &[Instance::of(model)], views: &[view] };
+        refuse(&mut frames, engine.begin(0), &frame, words);
+        engine.submit(0);
+    }
+}
+
 #[test]
 fn frames_beyond_their_limits_or_of_another_context_are_refused() {
     let gpu = Gpu::new();
@@ -80,9 +90,7 @@ fn frames_beyond_their_limits_or_of_another_context_are_refused() {
 fn views_that_no_camera_has_are_refused() {
     let gpu = Gpu::new();
     let (_, model, view) = small(&gpu);
-    let mut frames = Frames::new(&gpu, Limits::of(&model, 32, 24)).unwrap();
-    let engine = Engine::new(&gpu, 1);
-    let nothing = engine.begin(0);
+    let mut refused = refusing(&gpu, &model, Limits::of(&model, 32, 24));
     let seen_by = |camera| FrameView { camera, ..view };
     let camera = view.camera;
     let sheared = DMat3::from_diagonal(DVec3::new(1.0, 1.01, 1.0)) * camera.rotation;
@@ -99,23 +107,15 @@ fn views_that_no_camera_has_are_refused() {
         (seen_by(Camera { rotation: sheared, ..camera }), "rotation is none"),
         (FrameView { depth_form: DepthForm { a: 1.0, b: 0.0 }, ..view }, "depths that differ"),
     ] {
-        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
-        refuse(&mut frames, nothing, &frame, words);
+        refused(view, words);
     }
-    engine.submit(0);
 }
 
 #[test]
 fn targets_that_cannot_take_the_colors_are_refused() {
     let gpu = Gpu::new();
     let (_, model, view) = small(&gpu);
-    let mut frames = Frames::new(&gpu, Limits::of(&model, 32, 24)).unwrap();
-    let engine = Engine::new(&gpu, 1);
-    let nothing = engine.begin(0);
-    let mut refused = |view: FrameView, words: &str| {
-        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
-        refuse(&mut frames, nothing, &frame, words);
-    };
+    let mut refused = refusing(&gpu, &model, Limits::of(&model, 32, 24));
     let float = Float::new(&gpu, 32 * 24);
     let target = float.target(Blend::Premultiplied);
     let pixels = Some(target.pixels);
@@ -149,7 +149,6 @@ fn targets_that_cannot_take_the_colors_are_refused() {
     let over = Target { blend: Blend::Over, ..placed(vk::ImageLayout::TRANSFER_DST_OPTIMAL, [0; 2]) };
     refused(over, "expected one of [GENERAL, SHARED_PRESENT_KHR]");
     refused(placed(vk::ImageLayout::GENERAL, [3, -1]), "a corner at [3, -1]");
-    engine.submit(0);
 }
 
 /// Other texels would be misread as depths or numbers.
@@ -158,13 +157,7 @@ fn depths_and_numbers_in_other_texels_are_refused() {
     let gpu = Gpu::new();
     let (_, model, view) = small(&gpu);
     let limits = Limits { depth_in: true, depth_out: true, ..Limits::of(&model, 32, 24) };
-    let mut frames = Frames::new(&gpu, limits).unwrap();
-    let engine = Engine::new(&gpu, 1);
-    let nothing = engine.begin(0);
-    let mut refused = |view: FrameView, words: &str| {
-        let frame = Frame { slot: 0, instances: &[Instance::of(&model)], views: &[view] };
-        refuse(&mut frames, nothing, &frame, words);
-    };
+    let mut refused = refusing(&gpu, &model, limits);
     for format in
         [vk::Format::D16_UNORM, vk::Format::X8_D24_UNORM_PACK32, vk::Format::D24_UNORM_S8_UINT, vk::Format::R32_UINT]
     {
@@ -179,7 +172,6 @@ fn depths_and_numbers_in_other_texels_are_refused() {
     refused(FrameView { depth_in: depths, ..view }, "depths that hide Gaussians: an image in layout UNDEFINED");
     refused(FrameView { depth_out: depths, ..view }, "depths of Gaussians: an image in layout UNDEFINED");
     refused(FrameView { ids: nothing_in(vk::Format::R32_UINT), ..view }, "numbers of Gaussians: an image in layout");
-    engine.submit(0);
 }
 
 #[test]
