@@ -5,7 +5,7 @@ use crate::{
     error::Result,
     gpu::Buffer,
     pipelines::density::Strategy,
-    reference::{Params, packed_record::pack_record, random_scene},
+    reference::{Params, packed_record::pack_record, random_scene, scan_spine::scan_spine},
     scene::layout::{self, GEOMETRY_PLANES, LOG_SCALE, OPACITY, quads, sh_planes},
     stages::{
         WORKGROUP,
@@ -118,14 +118,8 @@ fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> R
     // One in a thousand touches enough tiles that the whole subgroup sums them.
     let tiles_of = |i: u32| if i % 1000 == 7 { 300 + noise(i) % 99 } else { noise(i) % 9 };
     let tile_counts: Vec<u32> = (0..(before + count) as u32).map(tiles_of).collect();
-    let mut slots = 0;
-    let first_slot: Vec<u32> = tile_counts
-        .iter()
-        .map(|n| {
-            slots += n;
-            slots - n
-        })
-        .collect();
+    let first_slot = scan_spine(&tile_counts);
+    let slots = first_slot[tile_counts.len()];
     let triple = |k: u32, of: u32| [0, 1, 2].map(|c| if of == 0 { unit(3 * k + c) - 0.5 } else { unit(7 * k + c) });
     let centres: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 0)).collect();
     let colors: Vec<[f32; 3]> = (0..slots).map(|k| triple(k, 1)).collect();
@@ -141,28 +135,20 @@ fn score(bench: &Bench<'_>, page: &Page, pulls: bool, packed_records: bool) -> R
         .map(|i| types::Splat { shape: [0.1 + unit(i), unit(i + 1) - 0.5, 0.1 + unit(i + 2), 0.5], centre: [1.0, 2.0] })
         .collect();
     let start: Vec<[f32; 4]> = (0..count as u32).map(|i| [0, 1, 2, 3].map(|p| unit(4 * i + p + 3))).collect();
-    let there = (
-        Buffer::from_slice(context, "tile_counts", &tile_counts)?,
-        Buffer::from_slice(context, "first_slot", &first_slot)?,
-        Buffer::from_slice(context, "splats", &splats)?,
-        Buffer::from_slice(context, "centres", &centres)?,
-        Buffer::from_slice(context, "colors", &colors)?,
-        Buffer::from_slice(context, "scores", &start)?,
-        Buffer::from_slice(context, "words", &words)?,
-    );
+    let centres = Buffer::from_slice(context, "centres", &centres)?;
     let spec = density_score::Spec { workgroup_size: page.workgroup_size, pulls, packed_records };
     let stage = density_score::Stage::new(context, &spec)?;
     let buffers = density_score::Buffers {
         population: &page.population,
         status: &page.status,
-        tile_counts: &there.0,
-        first_slot: &there.1,
-        splats: &there.2,
-        record_centres: &there.3,
-        record_shapes: &there.3,
-        record_colors: &there.4,
-        record_words: &there.6,
-        scores: &there.5,
+        tile_counts: &Buffer::from_slice(context, "tile_counts", &tile_counts)?,
+        first_slot: &Buffer::from_slice(context, "first_slot", &first_slot[..tile_counts.len()])?,
+        splats: &Buffer::from_slice(context, "splats", &splats)?,
+        record_centres: &centres,
+        record_shapes: &centres,
+        record_colors: &Buffer::from_slice(context, "colors", &colors)?,
+        record_words: &Buffer::from_slice(context, "words", &words)?,
+        scores: &Buffer::from_slice(context, "scores", &start)?,
     };
     let push = density_score::Push {
         segment: 1,
@@ -244,18 +230,12 @@ fn draw(bench: &Bench<'_>, count: usize, replacement: bool) -> Result<()> {
     let children = old / 3;
     // Every third has weight 0.
     let weight = |i: u32| if i % 3 == 1 { 0 } else { noise(i) % (u32::MAX / old / 2) };
-    let mut total = 0;
-    let order: Vec<u32> = match replacement {
-        true => (0..old)
-            .map(|i| {
-                total += weight(i);
-                total - weight(i)
-            })
-            .collect(),
-        false => (0..old).map(|i| old - 1 - i).collect(),
+    let sums = scan_spine(&(0..old).map(weight).collect::<Vec<_>>());
+    let (order, total) = match replacement {
+        true => (sums[..count].to_vec(), sums[count]),
+        false => ((0..old).rev().collect(), old),
     };
-    let words = [old, old - 50, if replacement { total } else { old }, children, old - 50 + children];
-    let words_there = Buffer::from_slice(context, "words", &words)?;
+    let words_there = Buffer::from_slice(context, "words", &[old, old - 50, total, children, old - 50 + children])?;
     let order_there = Buffer::from_slice(context, "order", &order)?;
     let sources = Buffer::<u32>::zeroed(context, "sources", 2 * count)?;
     let copies = Buffer::<u32>::zeroed(context, "copies", count)?;
@@ -273,18 +253,11 @@ fn place(bench: &Bench<'_>, count: usize) -> Result<()> {
     let stage = density_place::Stage::new(context, &density_place::Spec { workgroup_size })?;
     for all in [false, true] {
         let alive: Vec<u32> = (0..count as u32).map(|i| u32::from(!all && !noise(i).is_multiple_of(4))).collect();
-        let mut rank = 0;
-        let ranks: Vec<u32> = alive
-            .iter()
-            .map(|a| {
-                rank += a;
-                rank - a
-            })
-            .collect();
-        let stays = if all { count as u32 } else { rank };
+        let ranks = scan_spine(&alive);
+        let stays = if all { count as u32 } else { ranks[count] };
         let words = Buffer::from_slice(context, "words", &[count as u32, stays, 0, 0, stays])?;
         let alive_there = Buffer::from_slice(context, "alive", &alive)?;
-        let ranks_there = Buffer::from_slice(context, "ranks", &ranks)?;
+        let ranks_there = Buffer::from_slice(context, "ranks", &ranks[..count])?;
         let sources = Buffer::<u32>::zeroed(context, "sources", count)?;
         let buffers =
             density_place::Buffers { words: &words, alive: &alive_there, ranks: &ranks_there, sources: &sources };
