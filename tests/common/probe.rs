@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use crate::common::Gpu;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use glint::{
     gpu::Buffer,
     pipelines::{
@@ -14,7 +14,7 @@ use glint::{
         session::{Policy, Reduction},
         views::Views,
     },
-    reference::{self, Background, Options, Params},
+    reference::{self, Background, Options, Params, random_camera},
     scene::{
         Camera, Gaussians, Lobes, Scene, Supplement,
         layout::{self, Array},
@@ -312,16 +312,6 @@ pub fn with_lobes(plain: &[Blob], lobed: &[(Blob, [f32; 3], f32, f32)]) -> Scene
 /// A rotated camera at `eye` with a horizontal field of view of 60°; use `unproject` to place objects in its
 /// view.
 pub fn camera_at(eye: DVec3, width: u32, height: u32) -> Camera {
-    let rotation = DMat3::from_rotation_z(0.3) * DMat3::from_rotation_y(-0.7) * DMat3::from_rotation_x(0.4);
-    let focal = f64::from(width) * 0.866;
-    Camera {
-        width,
-        height,
-        fx: focal,
-        fy: focal * 1.05,
-        cx: f64::from(width) * 0.51,
-        cy: f64::from(height) * 0.48,
-        rotation,
-        translation: -(rotation * eye),
-    }
+    let (camera, focal) = (random_camera(width, height), f64::from(width) * 0.866);
+    Camera { fx: focal, fy: focal * 1.05, translation: -(camera.rotation * eye), ..camera }
 }

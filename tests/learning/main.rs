@@ -18,8 +18,21 @@ use std::sync::LazyLock;
 use glint::{
     data::builtin::{BuiltinPhoto, BuiltinScene, builtin_scene},
     reference::Params,
-    scene::{Camera, Scene},
+    scene::{Camera, Gaussians, Scene},
 };
+
+/// A wall at z = 4 of plates that face z, `step` apart.
+fn plates([across, down]: [i32; 2], step: f32, log_scale: [f32; 3], opacity: f32, dc: [f32; 3]) -> Gaussians {
+    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
+    for (i, j) in (0..across).flat_map(|i| (0..down).map(move |j| (i, j))) {
+        base.means.push([step * (i - across / 2) as f32, step * (j - down / 2) as f32, 4.0]);
+        base.log_scales.push(log_scale);
+        base.quats.push([1.0, 0.0, 0.0, 0.0]);
+        base.opacities.push(opacity);
+        base.sh.push(dc);
+    }
+    base
+}
 
 /// The built-in scene with `points` of its points. Tracing its photographs takes seconds, so all tests share them.
 fn built(points: usize) -> BuiltinScene {

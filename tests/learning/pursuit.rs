@@ -15,6 +15,7 @@ use glint::{
 
 use super::{
     common::{Gpu, session},
+    plates,
     pursuit_edges::{camera as camera_at, pursue_in},
 };
 
@@ -28,14 +29,7 @@ fn wall() -> Scene {
 
 /// A wall with at least `across` Gaussians per side; 9 leave a part of the outer cameras' view empty.
 fn wall_of(across: i32) -> Scene {
-    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
-    for (i, j) in (0..across).flat_map(|i| (0..9).map(move |j| (i, j))) {
-        base.means.push([0.6 * (i - across / 2) as f32, 0.6 * (j as f32 - 4.0), 4.0]);
-        base.log_scales.push([-0.7, -0.7, -4.0]);
-        base.quats.push([1.0, 0.0, 0.0, 0.0]);
-        base.opacities.push(5.0);
-        base.sh.push([0.3, -0.2, 0.5]);
-    }
+    let base = plates([across, 9], 0.6, [-0.7, -0.7, -4.0], 5.0, [0.3, -0.2, 0.5]);
     Scene { base, ..Default::default() }
 }
 

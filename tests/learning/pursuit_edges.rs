@@ -17,7 +17,10 @@ use glint::{
     stages::types::Lift,
 };
 
-use super::common::{Gpu, session};
+use super::{
+    common::{Gpu, session},
+    plates,
+};
 
 const WIDTH: u32 = 60;
 const HEIGHT: u32 = 50;
@@ -31,11 +34,7 @@ pub fn camera(x: f64) -> Camera {
 
 /// An exactly black wall at z = 4: the photographs equal the residual.
 fn wall() -> Gaussians {
-    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
-    for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
-        push(&mut base, [i as f32 - 4.0, j as f32 - 4.0, 4.0], -0.4);
-    }
-    base
+    plates([9, 9], 1.0, [-0.4, -0.4, -6.0], 4.0, [-5.0; 3])
 }
 
 /// Options that accept evidence from one view alone.

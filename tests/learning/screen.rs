@@ -16,7 +16,7 @@ use glint::{
         screen_project::screen_project,
         screen_tiles::{WINDOW_RADIUS, screen_tiles},
     },
-    scene::{Camera, Gaussians, Scene},
+    scene::{Camera, Scene},
     stages::{
         constants::{
             constants::NONE,
@@ -29,7 +29,10 @@ use glint::{
     verify::screen::{SMALL_FRAMES, Scattered, pixel_count, pixels_of},
 };
 
-use super::common::{Gpu, session};
+use super::{
+    common::{Gpu, session},
+    plates,
+};
 
 fn close(got: f32, expected: f64, tolerance: f64, what: &str) {
     let error = (f64::from(got) - expected).abs();
@@ -180,31 +183,10 @@ fn waiting_views_and_overflow_leave_everything_alone() {
     assert_eq!((drawn(&gpu, &loss, Status::default()).len(), drawn(&gpu, &loss, failed()).len()), (4, 0));
 }
 
-/// A few wide, flat Gaussians of one color at z = 4.
-fn wall() -> Gaussians {
-    let mut base = Gaussians { sh_degree: 0, ..Default::default() };
-    for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
-        base.means.push([i as f32 - 2.0, j as f32 - 2.0, 4.0]);
-        base.log_scales.push([-0.4, -0.4, -4.0]);
-        base.quats.push([1.0, 0.0, 0.0, 0.0]);
-        base.opacities.push(4.0);
-        base.sh.push([0.3, -0.2, 0.5]);
-    }
-    base
-}
-
 /// A wall of a few wide Gaussians, and photographs of it with stripes that the wall lacks.
 fn striped(views: usize, width: u32, height: u32) -> (Scene, Vec<Camera>, Vec<Vec<u8>>) {
-    let camera = |v: usize| Camera {
-        width,
-        height,
-        fx: f64::from(width) / 0.9,
-        fy: f64::from(width) / 0.9,
-        cx: f64::from(width) / 2.0,
-        cy: f64::from(height) / 2.0,
-        rotation: glam::DMat3::IDENTITY,
-        translation: glam::DVec3::new(0.1 * v as f64, 0.0, 0.0),
-    };
+    let translation = |v: usize| glam::DVec3::new(0.1 * v as f64, 0.0, 0.0);
+    let camera = |v| Camera { translation: translation(v), ..Camera::new(width, height, f64::from(width) / 0.9) };
     let photograph = |v: usize| {
         (0..width * height)
             .flat_map(|p| {
@@ -215,7 +197,7 @@ fn striped(views: usize, width: u32, height: u32) -> (Scene, Vec<Camera>, Vec<Ve
             .collect()
     };
     (
-        Scene { base: wall(), ..Default::default() },
+        Scene { base: plates([5, 5], 1.0, [-0.4, -0.4, -4.0], 4.0, [0.3, -0.2, 0.5]), ..Default::default() },
         (0..views).map(camera).collect(),
         (0..views).map(photograph).collect(),
     )
