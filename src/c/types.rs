@@ -286,6 +286,7 @@ pub(super) fn put_name(to: &mut [c_char; 32], name: &str) {
 
 /// See [`Limits`].
 #[repr(C)]
+#[derive(Default)]
 pub struct glint_limits {
     /// sizeof(glint_limits).
     pub size: u32,
@@ -333,16 +334,11 @@ impl From<&Limits> for glint_limits {
             instances: limits.instances,
             views: limits.views,
             in_flight: limits.in_flight,
-            intersections: 0,
             texel: limits.texel as u32,
             degrees: bits(&limits.degrees),
             lobe_degrees: bits(&limits.lobe_degrees),
             half: limits.half.into(),
-            depth_in: 0,
-            depth_out: 0,
-            timings: 0,
-            compensate: 0,
-            intersection_bytes: 0,
+            ..Default::default()
         }
     }
 }

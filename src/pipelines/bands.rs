@@ -280,14 +280,8 @@ impl Bands {
 
     /// Lets the search measure the error as well. Call it before [`Bands::advance`].
     pub fn measure_errors(&mut self, session: &Session, views: &Views) -> Result<()> {
-        let options = LossOptions {
-            tiles: tiles_per_frame(&views.frame_list),
-            map_pixels: 0,
-            losses: views.photos,
-            listed: false,
-            backward: false,
-            probe: false,
-        };
+        let tiles = tiles_per_frame(&views.frame_list);
+        let options = LossOptions { tiles, losses: views.photos, ..Default::default() };
         self.loss = Some(Photometric::new(&session.context, &options)?);
         Ok(())
     }

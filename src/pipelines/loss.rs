@@ -23,7 +23,7 @@ pub enum Tiles {
 }
 
 /// Options and sizes of a [`Photometric`].
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct LossOptions {
     /// Tiles of the largest batch; each frame counts as its largest.
     pub tiles: u32,

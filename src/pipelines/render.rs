@@ -328,14 +328,11 @@ impl Renderer {
             pixels: views.max_pixels(),
             tiles: grids.max().unwrap_or(1),
             isects: options.first.unwrap_or(needs.gaussians).saturating_mul(ISECTS_PER_GAUSSIAN).max(MIN_ISECTS),
-            batch: false,
-            background_image: false,
             median: options.depth,
-            occluded: false,
             backward: options.backward,
-            scores: false,
             packed_splats: needs.packs(&options),
             policy: options.policy,
+            ..RasterOptions::default()
         };
         let depth_pixels = if options.depth { views.max_pixels() as usize } else { 1 };
         Ok(Renderer {

@@ -157,14 +157,7 @@ pub fn base_renders(session: &Session, renderer: &mut Renderer, model: &Model, v
     let batches = batches(context, views);
     let all_frames: Vec<Vec<Frame>> = batches.iter().map(|b| frames_of(views, b)).collect();
     let sizes = all_frames.iter().map(|f| ScreenSizes::of_frames(f, 0)).fold(ScreenSizes::default(), ScreenSizes::max);
-    let options = LossOptions {
-        tiles: sizes.loss_tiles,
-        map_pixels: 0,
-        losses: sizes.frames,
-        listed: false,
-        backward: false,
-        probe: false,
-    };
+    let options = LossOptions { tiles: sizes.loss_tiles, losses: sizes.frames, ..Default::default() };
     let loss = Photometric::new(context, &options)?;
     let first = Backdrop::new(context, sizes.pixels)?;
     let frames = Buffer::new(context, "base_frames", sizes.frames as usize, Location::Device)?;

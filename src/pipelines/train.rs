@@ -125,14 +125,8 @@ impl Trainer {
         let least_degree = plan(0).active_degree;
         let needs = Needs::at(model, least_degree.min(model.sh_degree)..=model.sh_degree);
         let tiles_per_frame = tiles_per_frame(&views.frame_list);
-        let loss = LossOptions {
-            tiles: tiles_per_frame,
-            map_pixels: 0,
-            losses: schedule.len() as u32,
-            listed: false,
-            backward: true,
-            probe: newton,
-        };
+        let (tiles, losses) = (tiles_per_frame, schedule.len() as u32);
+        let loss = LossOptions { tiles, losses, backward: true, probe: newton, ..Default::default() };
         let learner = |&lesson: &Lesson| Learner::new(model, Lesson { least_degree, ..lesson }, views_per_step > 1);
         Ok(Trainer {
             work: Training {

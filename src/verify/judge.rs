@@ -37,7 +37,7 @@ pub struct Breach {
 }
 
 /// Result of one stage in one variant.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Row {
     /// See [`Bound::stage`].
     pub stage: &'static str,
@@ -57,15 +57,7 @@ pub struct Row {
 
 impl Row {
     pub(super) fn new(stage: &'static str, variant: impl Into<String>, perturb: f64) -> Self {
-        Row {
-            stage,
-            variant: variant.into(),
-            errors: Errors::default(),
-            breaches: Vec::new(),
-            blind: false,
-            time: None,
-            perturb,
-        }
+        Row { stage, variant: variant.into(), perturb, ..Row::default() }
     }
 
     /// Compares numbers of one group with the twin's.

@@ -320,14 +320,10 @@ fn a_gaussian_that_learns_takes_596_bytes_and_420_with_packed_moments() {
             pixels: 1,
             tiles: 64,
             isects,
-            batch: false,
-            background_image: false,
-            median: false,
-            occluded: false,
             backward,
-            scores: false,
             packed_splats: half,
             policy: Policy { reduction, packed, ..Policy::default() },
+            ..RasterOptions::default()
         };
         Raster::plan(&options).bytes()
     };

@@ -32,20 +32,8 @@ fn has_atomics(gpu: &Gpu) -> bool {
 }
 
 fn options(isects: u32, reduction: Reduction) -> RasterOptions {
-    RasterOptions {
-        splats: 1,
-        pixels: 64,
-        tiles: 1,
-        isects,
-        batch: false,
-        background_image: false,
-        median: false,
-        occluded: false,
-        backward: true,
-        scores: false,
-        packed_splats: false,
-        policy: Policy { reduction, ..Default::default() },
-    }
+    let policy = Policy { reduction, ..Default::default() };
+    RasterOptions { splats: 1, pixels: 64, tiles: 1, isects, backward: true, policy, ..Default::default() }
 }
 
 /// A driver that moves memory to the host would grant more than the device has; the budget refuses first.

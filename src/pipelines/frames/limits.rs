@@ -135,14 +135,11 @@ impl Limits {
             pixels: self.pixels(),
             tiles: Grid::new(tile, 0, 1, self.width, self.height).tiles(),
             isects: self.isects(device),
-            batch: false,
-            background_image: false,
             median: self.depth_out,
             occluded: self.depth_in,
-            backward: false,
-            scores: false,
             packed_splats: self.half,
             policy: self.policy,
+            ..RasterOptions::default()
         }
     }
 

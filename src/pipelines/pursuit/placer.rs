@@ -408,14 +408,12 @@ impl Placer {
         for (k, page) in self.pages.iter().enumerate() {
             s.score.record(
                 recorder,
-                &pursuit_score::Buffers {
-                    views: &views.views,
-                    plots: &self.plots,
-                    surface_depths: &page.surface_depths,
-                    candidates: &w.candidates,
-                    texels: &page.texels,
-                    sums: &w.sums,
-                },
+                &bind!(pursuit_score {
+                    views => views;
+                    self => plots;
+                    page => surface_depths, texels;
+                    w => candidates, sums;
+                }),
                 &pursuit_score::Push {
                     first,
                     count,

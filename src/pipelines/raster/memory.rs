@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Sizes and features of a [`Raster`](super::Raster).
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct RasterOptions {
     /// Maximum number of splats that a projection stage fills.
     pub splats: u32,

@@ -129,12 +129,9 @@ impl Screen {
             isects: sizes.places.saturating_mul(ISECTS_PER_PLACE).max(MIN_ISECTS),
             batch: true,
             background_image: true,
-            median: false,
-            occluded: false,
             backward: true,
-            scores: false,
-            packed_splats: false,
             policy,
+            ..RasterOptions::default()
         }
     }
 
@@ -145,7 +142,7 @@ impl Screen {
             losses: sizes.frames,
             listed: true,
             backward: true,
-            probe: false,
+            ..LossOptions::default()
         }
     }
 
