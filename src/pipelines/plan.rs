@@ -1,6 +1,4 @@
-//! The plan of sizes: every buffer that a run makes on the device, known before it is made, and printable.
-
-use std::fmt;
+//! The plan of sizes: every buffer that a run makes on the device, known before it is made.
 
 use ash::vk;
 use bytemuck::Pod;
@@ -9,6 +7,7 @@ use crate::gpu::Buffer;
 
 /// Size of one buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "train", derive(serde::Serialize))]
 pub struct Planned {
     /// The buffer's debug name.
     pub name: &'static str,
@@ -41,22 +40,6 @@ impl Plan {
     pub fn and(mut self, other: Plan) -> Plan {
         self.0.extend(other.0);
         self
-    }
-}
-
-impl fmt::Display for Plan {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for buffer in &self.0 {
-            writeln!(
-                f,
-                "{:<24} {:>14} × {:>3} = {:>15}",
-                buffer.name,
-                buffer.elements,
-                buffer.element_bytes,
-                buffer.bytes()
-            )?;
-        }
-        writeln!(f, "{:<24} {:>14}   {:>3}   {:>15}", "all", "", "", self.bytes())
     }
 }
 

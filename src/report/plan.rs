@@ -12,7 +12,7 @@ use crate::{
         frames::Limits,
         learn::{moment_planes, sh_moments},
         model::{Model, Room, Segment},
-        plan::Plan,
+        plan::{Plan, Planned},
         render::Needs,
     },
     scene::{
@@ -20,17 +20,6 @@ use crate::{
         layout::{self, GEOMETRY_PLANES, LOBE_PLANES},
     },
 };
-
-/// Buffer of the plan.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct PlannedBuffer {
-    /// Debug name.
-    pub name: &'static str,
-    /// Number of elements.
-    pub elements: u64,
-    /// Bytes of an element.
-    pub element_bytes: u64,
-}
 
 /// Capability or data of rendering.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -72,9 +61,9 @@ pub struct RenderPlan {
     /// Features included and left out.
     pub features: Vec<Feature>,
     /// Buffers of the scene.
-    pub model: Vec<PlannedBuffer>,
+    pub model: Vec<Planned>,
     /// Buffers shared by all frames.
-    pub frames: Vec<PlannedBuffer>,
+    pub frames: Vec<Planned>,
 }
 
 impl RenderPlan {
@@ -149,8 +138,8 @@ impl RenderPlan {
             pixel_bytes: (frames.bytes() as f64 - work_bytes * gaussians as f64) / pixels,
             bytes,
             features,
-            model: buffers(&model),
-            frames: buffers(&frames),
+            model: model.0,
+            frames: frames.0,
         })
     }
 }
@@ -217,15 +206,6 @@ fn difference(a: &Plan, b: &Plan) -> i64 {
     a.bytes() as i64 - b.bytes() as i64
 }
 
-fn buffers(plan: &Plan) -> Vec<PlannedBuffer> {
-    let buffer = |b: &crate::pipelines::plan::Planned| PlannedBuffer {
-        name: b.name,
-        elements: b.elements,
-        element_bytes: b.element_bytes,
-    };
-    plan.0.iter().map(buffer).collect()
-}
-
 impl fmt::Display for RenderPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mb = |bytes: i64| bytes as f64 / 1e6;
@@ -242,10 +222,9 @@ impl fmt::Display for RenderPlan {
         writeln!(f, "a Gaussian      {plain} bytes, with a lobe {lobed}; in frames {work:.0} more")?;
         writeln!(f, "a pixel         {:.0} bytes", self.pixel_bytes)?;
         for (title, buffers) in [("model", &self.model), ("frames", &self.frames)] {
-            let row = |b: &PlannedBuffer| b.elements.max(1) * b.element_bytes;
-            writeln!(f, "{title:<16}{:.3} MB", mb(buffers.iter().map(row).sum::<u64>() as i64))?;
+            writeln!(f, "{title:<16}{:.3} MB", mb(buffers.iter().map(Planned::bytes).sum::<u64>() as i64))?;
             for b in buffers.iter() {
-                writeln!(f, "  {:<22} {:>12} × {:>3} = {:>13} bytes", b.name, b.elements, b.element_bytes, row(b))?;
+                writeln!(f, "  {:<22} {:>12} × {:>3} = {:>13} bytes", b.name, b.elements, b.element_bytes, b.bytes())?;
             }
         }
         writeln!(f, "in all          {:.3} MB for {} Gaussians", mb(self.bytes as i64), self.gaussians)
