@@ -47,9 +47,12 @@ impl<'a> From<&'a [f32]> for ValuesRef<'a> {
     }
 }
 
-impl<'a> From<&'a [u32]> for ValuesRef<'a> {
-    fn from(values: &'a [u32]) -> Self {
-        ValuesRef::U32(values)
+impl<'a> From<&'a Tensor> for ValuesRef<'a> {
+    fn from(tensor: &'a Tensor) -> Self {
+        match &tensor.values {
+            Values::F32(values) => ValuesRef::F32(values),
+            Values::U32(values) => ValuesRef::U32(values),
+        }
     }
 }
 
@@ -173,7 +176,7 @@ mod tests {
         let (floats, words) = ([1.5f32, f32::NAN, -0.0, 1e-40, f32::MAX, 7.0], [1u32, u32::MAX]);
         let tensors: [(&str, &[usize], ValuesRef); 3] = [
             ("means", &[2, 3], floats[..].into()),
-            ("steps", &[2], words[..].into()),
+            ("steps", &[2], ValuesRef::U32(&words)),
             ("none", &[0, 3], floats[..0].into()),
         ];
         write_tensors(path, &tensors).unwrap();

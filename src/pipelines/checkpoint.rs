@@ -15,7 +15,7 @@ use crate::{
         Kind, TrainedWith,
         checkpoint::{ORIGIN, TRAINED_WITH, checksum, origin_words},
         read_tensors_about,
-        tensors::{Tensor, Values, ValuesRef},
+        tensors::{Tensor, Values},
         write_tensors_about,
     },
     error::{Error, Result},
@@ -128,7 +128,7 @@ impl Checkpoint {
             about[TRAINED_WITH] = json!(self.trained_with);
         }
         about["crc32"] = checksum(&about, &self.tensors).into();
-        let list: Vec<_> = self.tensors.iter().map(|(name, t)| (name.as_str(), &t.shape[..], Borrowed(t))).collect();
+        let list: Vec<_> = self.tensors.iter().map(|(name, t)| (name.as_str(), &t.shape[..], t)).collect();
         write_tensors_about(path, &list, Some(&about.to_string()))
     }
 
@@ -175,19 +175,6 @@ impl Checkpoint {
         }
         let trained_with = TrainedWith::from_json(&about[TRAINED_WITH]);
         Ok(Found::Sound(Checkpoint { step, clock, trained_with, tensors }))
-    }
-}
-
-/// Borrows a tensor for writing.
-#[derive(Clone, Copy)]
-struct Borrowed<'a>(&'a Tensor);
-
-impl<'a> From<Borrowed<'a>> for ValuesRef<'a> {
-    fn from(Borrowed(tensor): Borrowed<'a>) -> Self {
-        match &tensor.values {
-            Values::F32(values) => ValuesRef::F32(values),
-            Values::U32(values) => ValuesRef::U32(values),
-        }
     }
 }
 

@@ -10,7 +10,7 @@ use std::{
 
 use glint::data::{
     checkpoint::checksum,
-    tensors::{Tensor, Values, ValuesRef},
+    tensors::{Tensor, Values},
 };
 use serde_json::Value;
 
@@ -78,13 +78,6 @@ fn until(child: &mut Child, done: impl Fn() -> bool) {
 fn sweep(folder: &Path) {
     for name in files(folder).iter().filter(|name| name.starts_with(".glint-")) {
         fs::remove_file(folder.join(name)).unwrap();
-    }
-}
-
-fn values_of(tensor: &Tensor) -> ValuesRef<'_> {
-    match &tensor.values {
-        Values::F32(values) => ValuesRef::F32(values),
-        Values::U32(values) => ValuesRef::U32(values),
     }
 }
 
@@ -372,7 +365,7 @@ fn an_augmentation_that_was_killed_goes_on_to_the_same_bits() {
     let Some(Tensor { values: Values::F32(lobes), .. }) = tensors.get_mut("supplement.lobes") else { panic!() };
     lobes.iter_mut().for_each(|v| *v *= 0.9);
     about["crc32"] = checksum(&about, &tensors).into();
-    let list: Vec<_> = tensors.iter().map(|(name, t)| (&name[..], &t.shape[..], values_of(t))).collect();
+    let list: Vec<_> = tensors.iter().map(|(name, t)| (&name[..], &t.shape[..], t)).collect();
     glint::data::write_tensors_about(work.path(CHECKPOINT), &list, Some(&about.to_string())).unwrap();
     work.ok(&format!("{ENHANCE} -o out.ply"));
     assert!(!whole());
