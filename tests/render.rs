@@ -10,8 +10,8 @@ use glint::{
     pipelines::{
         learn::{Learner, Lesson, Rates, Seen},
         model::{Model, Segment},
-        raster::SplatCount,
         render::{Needs, RenderOptions, Renderer, Show},
+        sort::Extent,
         views::Views,
     },
     reference::{NONE, Params, View, random_camera, random_scene},
@@ -109,7 +109,7 @@ fn tiles_counted_in_vain_change_no_pixel() {
     let status = Buffer::<u32>::zeroed(&gpu, "status", status::WORDS).unwrap();
     let (upto, args) = (Segment::Supplement, &model.population_args);
     let splats =
-        SplatCount { count: &model.population, index: upto.index() + 1, args, dispatch: model.blocks_dispatch(upto) };
+        Extent { count: &model.population, index: upto.index() + 1, args, dispatch: model.blocks_dispatch(upto) };
     // Depths are not needed after their sort, so they are not kept.
     let (params, view) = (Params::from_scene(&scene).unwrap(), View::from_camera(&camera).rounded());
     let key = |i: usize| if counts[i] > 0 { (view.to_camera(params.mean(i)).z as f32).to_bits() } else { NONE };

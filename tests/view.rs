@@ -27,7 +27,6 @@ use glint::{
         model::{Model, Room},
         render::{Needs, RenderOptions},
     },
-    reference::random_scene,
     report::pictures::error_map,
     scene::{Camera, Gaussians, Scene},
 };
@@ -296,15 +295,7 @@ fn work() -> (TempDir, Scene) {
     let folder = tempfile::tempdir().unwrap();
     let photos = [("a.png", camera(0.0)), ("b.png", camera(0.2)), ("c.png", camera(0.4))];
     photos::write_photos(&folder.path().join("data"), &photos, "");
-    // Gaussians of suitable size in front of the cameras: the sample's are made for another camera.
-    let sample = |seed| {
-        let mut scene = random_scene(seed, 400, 200, 2);
-        let supplement = scene.supplement.as_mut().unwrap();
-        for mean in scene.base.means.iter_mut().chain(&mut supplement.gaussians.means) {
-            *mean = mean.map(f32::sin);
-        }
-        scene
-    };
+    let sample = |seed| photos::visible(seed, 400, 200, 2);
     let scene = sample(8);
     let write = |name: &str, scene: &Scene| write_scene(folder.path().join(name), scene).unwrap();
     write("scene.ply", &scene);

@@ -33,8 +33,9 @@ use ash::vk;
 
 use super::{
     plan::{Held, bind},
-    raster::{Raster, SplatCount},
+    raster::Raster,
     render::{MEDIAN_THRESHOLD, ModelStages, Needs, Placed, RenderOptions},
+    sort::Extent,
 };
 use crate::{
     error::{Error, Result},
@@ -280,7 +281,7 @@ impl Frames {
             splat_first += instance.model.capacity();
         }
         let grid = raster.grid(v, 1, size[0], size[1]);
-        let splats = SplatCount { count: &b.splat_total, index: 0, args: &b.splat_args, dispatch: 0 };
+        let splats = Extent { count: &b.splat_total, index: 0, args: &b.splat_args, dispatch: 0 };
         raster.record_order(recorder, splats, &grid, &b.frames, None, &b.status);
         let depth_form = view.depth_form.array();
         if self.limits.depth_in {

@@ -148,19 +148,6 @@ impl Backward {
     }
 }
 
-/// Number of splats: word `index` of `count` on the device, with a dispatch over them.
-#[derive(Clone, Copy)]
-pub struct SplatCount<'a> {
-    /// Word `index` is the number of splats.
-    pub count: &'a Buffer<u32>,
-    /// See `count`.
-    pub index: u32,
-    /// Dispatch `dispatch` has a thread for each splat.
-    pub args: &'a Buffer<u32>,
-    /// See `args`.
-    pub dispatch: u32,
-}
-
 /// Lists by splat in memory that only frames use, free between frames.
 #[cfg(feature = "train")]
 pub(super) struct Between {
@@ -455,7 +442,7 @@ impl Raster {
     pub fn record_order(
         &self,
         recorder: &mut Recorder,
-        splats: SplatCount<'_>,
+        splats: Extent<'_>,
         grid: &Grid,
         frames: &Buffer<Frame>,
         splat_frames: Option<&Buffer<u32>>,

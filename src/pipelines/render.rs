@@ -5,8 +5,9 @@ use std::collections::BTreeSet;
 use super::{
     model::{Model, Room, Segment},
     plan::bind,
-    raster::{Grid, Raster, RasterOptions, SplatCount},
+    raster::{Grid, Raster, RasterOptions},
     session::Policy,
+    sort::Extent,
     views::Views,
 };
 use crate::{
@@ -415,7 +416,7 @@ impl Renderer {
         let raster = &self.raster;
         let grid = raster.grid(view, 1, camera.width, camera.height);
         self.splats_of(recorder, model, views, view, show);
-        let splats = SplatCount {
+        let splats = Extent {
             count: &model.population,
             index: show.upto.last().index() + 1,
             args: &model.population_args,

@@ -43,7 +43,7 @@ use glint::{
     scene::{Camera, Scene},
     stages::NAMES as NAMES_OF_STAGES,
 };
-use photos::{camera_of, write_photos};
+use photos::{camera_of, visible, write_photos};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -212,14 +212,6 @@ fn ends(output: Output, code: i32) -> String {
 #[cfg(unix)]
 fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
-}
-
-/// A scene with Gaussians of suitable size in front of the cameras: the sample's are made for another camera.
-fn visible(seed: u64, count: usize, supplement: usize, sh_degree: u32) -> Scene {
-    let mut scene = random_scene(seed, count, supplement, sh_degree);
-    let extra = scene.supplement.iter_mut().flat_map(|s| &mut s.gaussians.means);
-    scene.base.means.iter_mut().chain(extra).for_each(|mean| *mean = mean.map(f32::sin));
-    scene
 }
 
 fn keys(value: &Value) -> BTreeSet<&str> {

@@ -8,8 +8,9 @@ use glint::{
         builtin::{Part, render_truth},
         write_png_rgb,
     },
+    reference::random_scene,
     report::decompose::srgb_from_linear,
-    scene::Camera,
+    scene::{Camera, Scene},
 };
 
 /// A camera on a circle of radius 5 around the origin, at an angle in radians, looking at it. The built-in
@@ -20,6 +21,14 @@ pub fn camera_of([width, height]: [u32; 2], focal: f64, turn: f64) -> Camera {
     let right = forward.cross(DVec3::Z).normalize();
     let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
     Camera { rotation, translation: -(rotation * eye), ..Camera::new(width, height, focal) }
+}
+
+/// A scene with Gaussians of suitable size in front of the cameras: the sample's are made for another camera.
+pub fn visible(seed: u64, count: usize, supplement: usize, sh_degree: u32) -> Scene {
+    let mut scene = random_scene(seed, count, supplement, sh_degree);
+    let extra = scene.supplement.iter_mut().flat_map(|s| &mut s.gaussians.means);
+    scene.base.means.iter_mut().chain(extra).for_each(|mean| *mean = mean.map(f32::sin));
+    scene
 }
 
 /// Writes photos, and a model in text of their cameras, which differ only in their poses, and of points.

@@ -7,8 +7,9 @@ use crate::{
     pipelines::{
         loss::{Batch, LossOptions, Photometric, TileLists, Tiles},
         plan::{Plan, bind, buffers},
-        raster::{Grid, Raster, RasterOptions, SplatCount},
+        raster::{Grid, Raster, RasterOptions},
         session::Policy,
+        sort::Extent,
     },
     stages::{
         WORKGROUP,
@@ -206,7 +207,7 @@ impl Screen {
         });
         let push = screen_project::Push { count: places, stride: self.sizes.places };
         self.project.record(recorder, &buffers, &push, places);
-        let splats = SplatCount { count: &b.population, index: 1, args: &b.population_args, dispatch: 0 };
+        let splats = Extent { count: &b.population, index: 1, args: &b.population_args, dispatch: 0 };
         self.raster.record_order(recorder, splats, &self.current.grid, &b.frames, Some(&b.screen_frames), status);
         self.raster.record_blend(recorder, &self.current.grid, &b.frames, [0.0; 3], 0.0);
     }
