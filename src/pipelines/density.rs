@@ -5,14 +5,13 @@
 //! gather → apply. The new number of Gaussians lives on the device, and later dispatches read it there.
 
 use super::{
-    learn::{Beside, NEWTON_PART, Rates, moments_of, sh_moments},
+    learn::{Beside, NEWTON_PART, Rates, Seen, moments_of, sh_moments},
     loss::Batch,
     model::{Model, Planes, Rearrange, Segment, Sources},
     plan::{bind, buffers},
     raster::{Between, Grid, Raster},
     session::Session,
     sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
-    views::Views,
 };
 use crate::{
     error::{Error, Result},
@@ -310,18 +309,6 @@ pub struct Density {
     stages: Stages,
 }
 
-/// The view of a step; `raster` still holds its splats and lists.
-#[derive(Clone, Copy)]
-pub(super) struct ScoredView<'a> {
-    pub model: &'a Model,
-    pub views: &'a Views,
-    pub view: u32,
-    pub raster: &'a Raster,
-    pub grid: &'a Grid,
-    pub batch: Batch<'a>,
-    pub status: &'a Buffer<u32>,
-}
-
 impl Density {
     /// For a `segment` of `model` with room for `options.limit` Gaussians, and the `raster` that all its steps
     /// use.
@@ -401,8 +388,14 @@ impl Density {
 
     /// Writes the errors of the view that a step has just rendered over the raster's gradient records, for the
     /// scores of all segments, if this step collects scores of errors.
-    pub(super) fn record_errors(&self, recorder: &mut Recorder, step: u32, seen: &ScoredView<'_>) {
-        let ScoredView { model, views, view, raster, grid, batch, .. } = *seen;
+    pub(super) fn record_errors(
+        &self,
+        recorder: &mut Recorder,
+        step: u32,
+        seen: &Seen<'_>,
+        (grid, batch): (&Grid, &Batch<'_>),
+    ) {
+        let Seen { model, views, view, raster, .. } = *seen;
         if self.options.scores(step) && self.options.strategy.follows_errors() {
             self.stages.image.record(
                 recorder,
@@ -419,12 +412,13 @@ impl Density {
         }
     }
 
-    /// Adds the scores of the view that a step has just rendered, if this step collects scores.
-    pub(super) fn record_scores(&self, recorder: &mut Recorder, step: u32, seen: &ScoredView<'_>) {
+    /// Adds the scores of the view that a step has just rendered, if this step collects scores. The raster still
+    /// holds its splats and lists.
+    pub(super) fn record_scores(&self, recorder: &mut Recorder, step: u32, seen: &Seen<'_>) {
         if !self.options.scores(step) {
             return;
         }
-        let ScoredView { model, views, view, raster, status, .. } = *seen;
+        let Seen { model, views, view, raster, status, .. } = *seen;
         let camera = &views.cameras[view as usize];
         for (k, dispatch, page) in model.pages(self.segment) {
             self.stages.score.record_indirect(

@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{
     checkpoint::Checkpoint,
-    density::{Density, DensityOptions, ScoredView, Strategy},
+    density::{Density, DensityOptions, Strategy},
     exposure::Exposure,
     learn::{Learner, Lesson, PROBED_NTH, Rates, Seen},
     loss::{Batch, LossOptions, Photometric, Tiles},
@@ -486,9 +486,8 @@ impl Looped for On<'_> {
             if let Some(exposure) = &training.exposure {
                 exposure.record_step(recorder, views, view, f64::from(step) / f64::from(training.total()), status);
             }
-            let seen = ScoredView { model, views, view, raster, grid: &grid, batch, status };
             if let Some(density) = training.density.first() {
-                density.record_errors(recorder, step, &seen);
+                density.record_errors(recorder, step, &seen, (&grid, &batch));
             }
             training.density.iter().for_each(|density| density.record_scores(recorder, step, &seen));
         }
