@@ -16,7 +16,7 @@ use crate::{
     report::{
         decompose::PartsQuality,
         evaluate::{Evaluation, PartsEvaluation, evaluate, evaluate_parts},
-        lpips::{Distances, Lpips},
+        lpips::Lpips,
         metrics::Quality,
         table::{Cell, Column, Table},
     },
@@ -97,7 +97,7 @@ impl Args {
         })?;
         note_uncounted(photos.len() - found.views.len());
         note_foreign(&self.scene, found.augmented.psnr);
-        let distances = lpips.is_some().then(|| Distances::of(distances));
+        let distances = lpips.is_some().then(|| Evaluation::of(distances));
         let numbers = Numbers { found: &found, decomposition: parts.as_ref(), lpips: distances.as_ref() };
         if self.json {
             print_json(&numbers)?
@@ -116,7 +116,7 @@ struct Numbers<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     decomposition: Option<&'a PartsEvaluation>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    lpips: Option<&'a Distances>,
+    lpips: Option<&'a Evaluation<f64>>,
 }
 
 /// Table with a row for each view and one for the mean. It has columns of the supplement and of the parts
@@ -125,25 +125,18 @@ fn table(numbers: &Numbers<'_>, augmented: bool) -> Table {
     let Numbers { found, decomposition: parts, lpips } = *numbers;
     let text = Column { key: "view", title: "view", unit: "", decimals: 0 };
     let psnr = |key, title| Column { key, title, unit: "dB", decimals: 2 };
-    let ssim = |key, title| Column { key, title, unit: "", decimals: 4 };
-    let mut columns = if augmented {
-        vec![
-            text,
-            psnr("base_psnr", "base PSNR"),
-            ssim("base_ssim", "base SSIM"),
-            psnr("psnr", "PSNR"),
-            ssim("ssim", "SSIM"),
-        ]
-    } else {
-        vec![text, psnr("psnr", "PSNR"), ssim("ssim", "SSIM")]
-    };
+    let pure = |key, title| Column { key, title, unit: "", decimals: 4 };
+    let mut columns = vec![text];
+    if augmented {
+        columns.extend([psnr("base_psnr", "base PSNR"), pure("base_ssim", "base SSIM")]);
+    }
+    columns.extend([psnr("psnr", "PSNR"), pure("ssim", "SSIM")]);
     if parts.is_some() {
         columns.extend([psnr("diffuse_psnr", "diffuse PSNR"), psnr("specular_psnr", "specular PSNR")]);
     }
     if lpips.is_some() {
-        let distance = |key, title| Column { key, title, unit: "", decimals: 4 };
-        columns.extend(augmented.then(|| distance("base_lpips", "base LPIPS")));
-        columns.push(distance("lpips", "LPIPS"));
+        columns.extend(augmented.then(|| pure("base_lpips", "base LPIPS")));
+        columns.push(pure("lpips", "LPIPS"));
     }
     let mut table = Table::new(columns);
     let mut row = |name: &str, [base, whole]: [Quality; 2], parts: Option<PartsQuality>, lpips: Option<[f64; 2]>| {

@@ -15,26 +15,26 @@ use crate::{
     scene::Scene,
 };
 
-/// Quality of one view.
+/// Quality of one view, or another measure of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ViewQuality {
+pub struct ViewQuality<T = Quality> {
     /// Name of the photo in the dataset.
     pub name: String,
     /// Quality of the base Gaussians alone, as stored in this scene.
-    pub base: Quality,
+    pub base: T,
     /// Quality of the whole scene; equals `base` if there is no supplement.
-    pub augmented: Quality,
+    pub augmented: T,
 }
 
 /// Quality of all views and their means.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Evaluation {
+pub struct Evaluation<T = Quality> {
     /// Mean quality of the base Gaussians alone.
-    pub base: Quality,
+    pub base: T,
     /// Mean quality of the whole scene.
-    pub augmented: Quality,
+    pub augmented: T,
     /// Views in the order of the photos, without those whose masks leave out every pixel.
-    pub views: Vec<ViewQuality>,
+    pub views: Vec<ViewQuality<T>>,
 }
 
 /// Photo with the renders that are compared to it.

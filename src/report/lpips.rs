@@ -14,9 +14,11 @@ use std::{collections::BTreeMap, path::Path};
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
-use serde::Serialize;
 
-use super::{evaluate::Compared, metrics::Pair};
+use super::{
+    evaluate::{Compared, Evaluation, ViewQuality},
+    metrics::Pair,
+};
 use crate::{
     Error, Result,
     data::tensors::{Tensor, Values, read_tensors},
@@ -91,33 +93,11 @@ const EPSILON: f32 = 1e-10;
 /// Pixels whose neighborhoods are gathered at once: 9 MB for 512 channels of 3 × 3.
 const BAND: usize = 512;
 
-/// Distances of the renders of one photo.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ViewDistance {
-    /// Name of the photo in the dataset.
-    pub name: String,
-    /// Distance of the base Gaussians alone, as stored in the scene.
-    pub base: f64,
-    /// Distance of the whole scene; equals `base` if there is no supplement.
-    pub augmented: f64,
-}
-
-/// Distances of all views and their means.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Distances {
-    /// Mean distance of the base Gaussians alone.
-    pub base: f64,
-    /// Mean distance of the whole scene.
-    pub augmented: f64,
-    /// Views in the order of the photos.
-    pub views: Vec<ViewDistance>,
-}
-
-impl Distances {
+impl Evaluation<f64> {
     /// Distances of these views; the means are NaN if there are none.
-    pub fn of(views: Vec<ViewDistance>) -> Self {
-        let mean = |of: fn(&ViewDistance) -> f64| views.iter().map(of).sum::<f64>() / views.len() as f64;
-        Distances { base: mean(|view| view.base), augmented: mean(|view| view.augmented), views }
+    pub fn of(views: Vec<ViewQuality<f64>>) -> Self {
+        let mean = |of: fn(&ViewQuality<f64>) -> f64| views.iter().map(of).sum::<f64>() / views.len() as f64;
+        Evaluation { base: mean(|view| view.base), augmented: mean(|view| view.augmented), views }
     }
 }
 
@@ -194,7 +174,7 @@ impl Lpips {
     ///
     /// # Errors
     /// Those of [`Lpips::distance`], with the name of the photo.
-    pub fn of_view(&self, view: &Compared<'_>) -> Result<ViewDistance> {
+    pub fn of_view(&self, view: &Compared<'_>) -> Result<ViewQuality<f64>> {
         let name = &view.photo.name;
         let distance = |rendered: &Rendered| {
             let (width, height, mask) = (view.truth.width, view.truth.height, view.truth.mask.as_deref());
@@ -203,7 +183,7 @@ impl Lpips {
         };
         let base = distance(view.base)?;
         let augmented = if std::ptr::eq(view.base, view.whole) { base } else { distance(view.whole)? };
-        Ok(ViewDistance { name: name.clone(), base, augmented })
+        Ok(ViewQuality { name: name.clone(), base, augmented })
     }
 
     /// Distance of a render from its photo: 0 for equal images, and with the published weights seldom more
