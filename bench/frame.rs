@@ -167,13 +167,12 @@ fn by_stage(times: &[StageTime], bytes: &Bytes<'_>, rate: f64) -> Vec<Stage> {
 
 /// Table of the stages; together they take `device` ms.
 fn table(stages: &[Stage], device: f64) -> Table {
-    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
     let mut table = Table::new(vec![
-        column("stage", "stage", "", 0),
-        column("calls", "calls", "", 0),
-        column("ms", "device time", "ms", 3),
-        column("floor", "bytes alone", "ms", 3),
-        column("share", "share", "%", 1),
+        Column::new("stage", "", 0),
+        Column::new("calls", "", 0),
+        Column::new("device time", "ms", 3),
+        Column::new("bytes alone", "ms", 3),
+        Column::new("share", "%", 1),
     ]);
     for &Stage { stage, calls, ms, floor_ms } in stages {
         let share = 100.0 * ms / device.max(1e-9);

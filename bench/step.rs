@@ -167,12 +167,11 @@ fn run(args: &Args) -> Result<()> {
     if let Some(bytes) = bus_bytes {
         println!("{:.2} MB a step over the bus: {:.2} ms at 25 GB/s\n", bytes / 1e6, bytes / 25e6);
     }
-    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
     let mut table = Table::new(vec![
-        column("stage", "stage", "", 0),
-        column("calls", "calls", "1/step", 0),
-        column("ms", "device time", "ms/step", 3),
-        column("share", "share", "%", 1),
+        Column::new("stage", "", 0),
+        Column::new("calls", "1/step", 0),
+        Column::new("device time", "ms/step", 3),
+        Column::new("share", "%", 1),
     ]);
     for (name, calls, ms) in rows {
         table.row(vec![name.into(), Cell::Number(calls), ms.into(), (100.0 * ms / device_ms).into()]);

@@ -299,15 +299,14 @@ impl Args {
     }
 
     fn summary(&self, report: &Report, times: &Times) -> String {
-        let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
         let mut table = Table::new(vec![
-            column("what", "held-out views", "", 0),
-            column("gaussians", "Gaussians", "", 0),
-            column("supplementary", "with lobes", "", 0),
-            column("steps", "steps", "", 0),
-            column("seconds", "time", "s", 1),
-            column("psnr", "PSNR", "dB", 2),
-            column("ssim", "SSIM", "", 4),
+            Column::new("held-out views", "", 0),
+            Column::new("Gaussians", "", 0),
+            Column::new("with lobes", "", 0),
+            Column::new("steps", "", 0),
+            Column::new("time", "s", 1),
+            Column::new("PSNR", "dB", 2),
+            Column::new("SSIM", "", 4),
         ]);
         for row in &report.rows {
             table.row(vec![

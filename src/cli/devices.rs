@@ -50,15 +50,14 @@ impl Args {
         if self.json {
             return Ok(print_json(&devices)?);
         }
-        let column = |title, unit, decimals| Column { key: title, title, unit, decimals };
         let mut table = Table::new([
-            column("index", "", 0),
-            column("name", "", 0),
-            column("kind", "", 0),
-            column("subgroup", "", 0),
-            column("largest buffer", "MiB", 0),
-            column("driver", "", 0),
-            column("notes", "", 0),
+            Column::new("index", "", 0),
+            Column::new("name", "", 0),
+            Column::new("kind", "", 0),
+            Column::new("subgroup", "", 0),
+            Column::new("largest buffer", "MiB", 0),
+            Column::new("driver", "", 0),
+            Column::new("notes", "", 0),
         ]);
         for device in devices {
             let notes = device.note().unwrap_or_default();

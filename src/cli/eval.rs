@@ -123,20 +123,20 @@ struct Numbers<'a> {
 /// only if those exist.
 fn table(numbers: &Numbers<'_>, augmented: bool) -> Table {
     let Numbers { found, decomposition: parts, lpips } = *numbers;
-    let text = Column { key: "view", title: "view", unit: "", decimals: 0 };
-    let psnr = |key, title| Column { key, title, unit: "dB", decimals: 2 };
-    let pure = |key, title| Column { key, title, unit: "", decimals: 4 };
+    let text = Column::new("view", "", 0);
+    let psnr = |title| Column::new(title, "dB", 2);
+    let pure = |title| Column::new(title, "", 4);
     let mut columns = vec![text];
     if augmented {
-        columns.extend([psnr("base_psnr", "base PSNR"), pure("base_ssim", "base SSIM")]);
+        columns.extend([psnr("base PSNR"), pure("base SSIM")]);
     }
-    columns.extend([psnr("psnr", "PSNR"), pure("ssim", "SSIM")]);
+    columns.extend([psnr("PSNR"), pure("SSIM")]);
     if parts.is_some() {
-        columns.extend([psnr("diffuse_psnr", "diffuse PSNR"), psnr("specular_psnr", "specular PSNR")]);
+        columns.extend([psnr("diffuse PSNR"), psnr("specular PSNR")]);
     }
     if lpips.is_some() {
-        columns.extend(augmented.then(|| pure("base_lpips", "base LPIPS")));
-        columns.push(pure("lpips", "LPIPS"));
+        columns.extend(augmented.then(|| pure("base LPIPS")));
+        columns.push(pure("LPIPS"));
     }
     let mut table = Table::new(columns);
     let mut row = |name: &str, [base, whole]: [Quality; 2], parts: Option<PartsQuality>, lpips: Option<[f64; 2]>| {

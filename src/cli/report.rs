@@ -261,14 +261,13 @@ impl Compared {
     }
 
     fn table(&self) -> Table {
-        let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
         let mut table = Table::new([
-            column("scene", "scene", "", 0),
-            column("gaussians", "Gaussians", "", 0),
-            column("supplementary", "with lobes", "", 0),
-            column("bytes", "bytes", "", 0),
-            column("psnr", "PSNR", "dB", 2),
-            column("ssim", "SSIM", "", 4),
+            Column::new("scene", "", 0),
+            Column::new("Gaussians", "", 0),
+            Column::new("with lobes", "", 0),
+            Column::new("bytes", "", 0),
+            Column::new("PSNR", "dB", 2),
+            Column::new("SSIM", "", 4),
         ]);
         for Entry { name, gaussians, supplementary, bytes, mean, .. } in &self.entries {
             let counts = [*gaussians as u64, *supplementary as u64, *bytes].map(Cell::Count);

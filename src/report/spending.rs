@@ -13,15 +13,14 @@ use crate::{
 
 /// Table of gains for each use of the budget.
 fn table(plan: &Spending) -> Table {
-    let column = |key, title, unit, decimals| Column { key, title, unit, decimals };
     let mut table = Table::new([
-        column("what", "spent on", "", 0),
-        column("chosen", "worth something", "", 0),
-        column("placed", "placed at first", "", 0),
-        column("gain_db", "gain", "dB", 3),
-        column("db_per_thousand", "a thousand", "dB", 3),
-        column("db_per_megabyte", "a megabyte", "dB", 3),
-        column("db_per_second", "a second", "dB", 3),
+        Column::new("spent on", "", 0),
+        Column::new("worth something", "", 0),
+        Column::new("placed at first", "", 0),
+        Column::new("gain", "dB", 3),
+        Column::new("a thousand", "dB", 3),
+        Column::new("a megabyte", "dB", 3),
+        Column::new("a second", "dB", 3),
     ]);
     let kinds = [
         ("Gaussians with lobes", &plan.lobes, true),

@@ -1,23 +1,26 @@
-//! Small tables, printed as aligned text or serialized as an array of objects.
+//! Small tables, printed as aligned text.
 
 use std::fmt;
-
-use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 /// Column of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Column {
-    /// Key in JSON: words in snake_case.
-    pub key: &'static str,
-    /// Title in text.
+    /// Title.
     pub title: &'static str,
     /// Unit, in brackets after the title; empty for none.
     pub unit: &'static str,
-    /// Digits after the decimal point in text; JSON has all digits.
+    /// Digits after the decimal point.
     pub decimals: usize,
 }
 
-/// Entry of a table. Numbers that are not finite print as `inf`, `-inf` or `nan` and are `null` in JSON.
+impl Column {
+    /// A column with this title, unit and number of digits.
+    pub const fn new(title: &'static str, unit: &'static str, decimals: usize) -> Self {
+        Column { title, unit, decimals }
+    }
+}
+
+/// Entry of a table. Numbers that are not finite print as `inf`, `-inf` or `nan`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
     /// Text, aligned to the left of its column.
@@ -26,7 +29,7 @@ pub enum Cell {
     Count(u64),
     /// Number with the column's digits.
     Number(f64),
-    /// Missing value: `–` in text, `null` in JSON.
+    /// Missing value: `–`.
     Absent,
 }
 
@@ -60,7 +63,7 @@ impl<T: Into<Cell>> From<Option<T>> for Cell {
     }
 }
 
-/// Rows under named columns. `Display` gives the text, `Serialize` an array with one object per row.
+/// Rows under named columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     columns: Vec<Column>,
@@ -124,47 +127,13 @@ impl fmt::Display for Table {
     }
 }
 
-impl Serialize for Cell {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Cell::Text(text) => serializer.serialize_str(text),
-            Cell::Count(count) => serializer.serialize_u64(*count),
-            Cell::Number(v) if v.is_finite() => serializer.serialize_f64(*v),
-            Cell::Number(_) | Cell::Absent => serializer.serialize_none(),
-        }
-    }
-}
-
-impl Serialize for Table {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        struct Row<'a>(&'a [Column], &'a [Cell]);
-        impl Serialize for Row<'_> {
-            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                let mut map = serializer.serialize_map(Some(self.0.len()))?;
-                for (column, cell) in self.0.iter().zip(self.1) {
-                    map.serialize_entry(column.key, cell)?;
-                }
-                map.end()
-            }
-        }
-        let mut rows = serializer.serialize_seq(Some(self.rows.len()))?;
-        for row in &self.rows {
-            rows.serialize_element(&Row(&self.columns, row))?;
-        }
-        rows.end()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn example() -> Table {
-        let mut table = Table::new([
-            Column { key: "model", title: "model", unit: "", decimals: 0 },
-            Column { key: "psnr_db", title: "PSNR", unit: "dB", decimals: 2 },
-            Column { key: "gaussians", title: "Gaussians", unit: "", decimals: 0 },
-        ]);
+        let mut table =
+            Table::new([Column::new("model", "", 0), Column::new("PSNR", "dB", 2), Column::new("Gaussians", "", 0)]);
         table.row(["base".into(), 26.125.into(), 4000u64.into()]);
         table.row(["augmented".into(), f64::INFINITY.into(), None::<u64>.into()]);
         table
@@ -182,14 +151,8 @@ augmented        inf          –
     }
 
     #[test]
-    fn json_is_one_object_per_row() {
-        let expected = r#"[{"model":"base","psnr_db":26.125,"gaussians":4000},{"model":"augmented","psnr_db":null,"gaussians":null}]"#;
-        assert_eq!(serde_json::to_string(&example()).unwrap(), expected);
-    }
-
-    #[test]
     fn short_and_long_rows_keep_the_shape() {
-        let mut table = Table::new([Column { key: "a", title: "a", unit: "s", decimals: 1 }]);
+        let mut table = Table::new([Column::new("a", "s", 1)]);
         table.row([]);
         table.row([1.0.into(), 2.0.into()]);
         table.row([f64::NAN.into()]);

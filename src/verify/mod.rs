@@ -217,10 +217,6 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-const fn column(key: &'static str, title: &'static str, unit: &'static str) -> Column {
-    Column { key, title, unit, decimals: 1 }
-}
-
 /// The bounds and their reasons as text.
 pub fn explain() -> String {
     let mut text = String::new();
@@ -235,16 +231,16 @@ pub fn explain() -> String {
 }
 
 const COLUMNS: [Column; 10] = [
-    column("stage", "stage", ""),
-    column("variant", "variant", ""),
-    column("max", "max", "of largest"),
-    column("relative_l2", "L2", "relative"),
-    column("cosine_loss", "1−cos", ""),
-    column("bias", "bias", ""),
-    column("flips", "flips", ""),
-    column("unequal", "unequal", ""),
-    column("time", "time", "µs"),
-    column("verdict", "", ""),
+    Column::new("stage", "", 1),
+    Column::new("variant", "", 1),
+    Column::new("max", "of largest", 1),
+    Column::new("L2", "relative", 1),
+    Column::new("1−cos", "", 1),
+    Column::new("bias", "", 1),
+    Column::new("flips", "", 1),
+    Column::new("unequal", "", 1),
+    Column::new("time", "µs", 1),
+    Column::new("", "", 1),
 ];
 
 impl fmt::Display for Report {
