@@ -32,7 +32,7 @@ fn every_kernel_has_a_stage_and_a_twin_of_its_name() {
 
 /// Names that a file imports from the crate: `crate::NAME` and the first level of `crate::{…}`.
 fn imports(code: &str) -> BTreeSet<&str> {
-    let word = |text: &'_ str| text.find(|c: char| !c.is_ascii_lowercase()).unwrap_or(text.len());
+    let word = |text: &str| text.find(|c: char| !c.is_ascii_lowercase()).unwrap_or(text.len());
     let mut names = BTreeSet::new();
     for rest in code.split("crate::").skip(1) {
         let Some(group) = rest.strip_prefix('{') else {
