@@ -131,18 +131,18 @@ pub const BOUNDS: [Bound; 60] = [
         max: 3e-4,
         relative_l2: 1e-4,
         bias: 3e-5,
-        flips: 0.05,
+        flips: 0.01,
         reason: "Records that partly cancel, through a chain whose depth is a difference as in project: 1e-5 usual, 1e-4 what is \
                  promised. In steps, 1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is. A word of moments holds \
-                 the second in steps of 1e-3 of itself and the first in some thousands: an error of 1.3e-5 puts one in thirty on the \
-                 other side of the draw by which it is rounded. Of betas a few in 1e5 have a factor near 0, the angle left to a lobe's \
-                 end, which float32 knows to 1e-3.",
+                 the second in steps of 2^-8 of itself, so an error of 1.3e-5 puts one in 300 on the other side of the draw by which it \
+                 is rounded; of the first, in steps of 2^-7, fewer. Without the draw it is one in 30. Of betas a few in 1e5 have a factor near 0, \
+                 the angle left to a lobe's end, which float32 knows to 1e-3.",
     },
     Bound {
         stage: "adam",
         max: 5e-5,
         relative_l2: 2e-5,
-        flips: 0.05,
+        flips: 0.01,
         reason: "1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is; the step, of which it is the root, \
                  and the parameter, which it changes by a hundredth, are off by less. Words of moments as project_backward.",
         ..EXACT

@@ -10,6 +10,7 @@ use glint::{
         exposure::IDENTITY,
         learn::Lesson,
         model::{Model, Room, Segment},
+        photographs::Storage,
         raster::TileShape,
         render::{Needs, Renderer},
         session::{Policy, Session},
@@ -591,10 +592,26 @@ fn room_is_made_before_a_step_fails_and_not_in_vain() {
     assert_eq!(run(asks, 1000, 20), (vec![(false, 120)], again, Some(1)));
 }
 
-/// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, more workgroups of 64 than the
-/// 65,535 of a dimension, in buffers within every device's limit. That is 65 times the initial room.
+/// 4.2 million pixels of a thread each: more workgroups of 64 than the 65,535 of a dimension.
 #[test]
-fn more_intersections_than_one_dimension_of_a_dispatch_has_groups() {
+fn more_pixels_than_one_dimension_of_a_dispatch_has_threads_are_composited() {
+    let (gpu, color) = (Gpu::new(), [9, 200, 77]);
+    let camera = Camera::new(4200, 1001, 1e3);
+    let views = Views::halved(&gpu, DVec3::ZERO, &[camera], 0, Storage::Device, Some([0.0; 3])).unwrap();
+    let photograph: Vec<u32> = (0..camera.pixels()).map(|pixel| pixel.wrapping_mul(2_654_435_761)).collect();
+    views.upload_photograph(0, &photograph).unwrap();
+    let mut recorder = gpu.recorder("composite").unwrap();
+    let targets = views.record_photograph(&mut recorder, 0, Some(color)).unwrap();
+    recorder.submit().unwrap().wait().unwrap();
+    for (pixel, (found, stored)) in targets.download().unwrap().into_iter().zip(photograph).enumerate() {
+        assert_eq!(found, reference::composite::composite(stored, color.map(i32::from)), "pixel {pixel}");
+    }
+}
+
+/// 33 Gaussians that fill 3840 × 2160 pixels: 4.28 million intersections, in buffers within every device's limit. That is 65 times the
+/// initial room.
+#[test]
+fn intersections_of_many_times_the_initial_room_are_drawn() {
     let gpu = Gpu::new();
     let camera = camera_at(DVec3::ZERO, 3840, 2160);
     let scene = cloud(&camera, 33, -3.0, |i| (1920.0, 1080.0, 3.0 + i as f64, 3e6));
