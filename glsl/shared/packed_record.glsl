@@ -14,7 +14,7 @@ const uint OPACITY_MARK = 1u << 30;
 uint record_unit(vec3 part) {
     uvec3 sizes = floatBitsToUint(part) & 0x7FFFFFFFu;
     uint exponent = max(max(sizes.x, sizes.y), sizes.z) >> 23;
-    if (exponent == 255) return 255; // guard: packed records of what is not finite
+    if (exponent == 255) return 255; // what clamp makes of NaN is undefined
     return exponent > 8 ? exponent - 8 : 0;
 }
 
