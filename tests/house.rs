@@ -71,7 +71,7 @@ fn a_folder_imports_only_folders_before_it() {
         let first = path.strip_prefix(&src).unwrap().iter().next().unwrap().to_str().unwrap();
         let Some(own) = ORDER.iter().position(|folder| *folder == first.trim_end_matches(".rs")) else { continue };
         let text = fs::read_to_string(path).unwrap();
-        let code = text.split("#[cfg(test)]").next().unwrap().lines();
+        let code = text.split("mod tests {").next().unwrap().lines();
         let code: Vec<&str> = code.filter(|line| !line.trim_start().starts_with("//")).collect();
         for name in imports(&code.join("\n")) {
             let Some(other) = ORDER.iter().position(|folder| *folder == name) else { continue };

@@ -328,7 +328,7 @@ impl Args {
     fn train(&self, context: &Context, look_at: &mut Look<'_>, read: Read<'_>, mut first: First) -> Outcome {
         let Read { began, dataset, photos, test, holdout, policy, trained_with, inputs, replace } = read;
         let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
-        let (on, gaussians_on) = self.placed(context, &mut first, pixels);
+        let (on, gaussians_on) = self.choose_places(context, &mut first, pixels);
         let mut course = self.course(&first, &photos, gaussians_on);
         // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);

@@ -76,7 +76,7 @@ pub(super) struct Header {
 
 /// A decoded file.
 struct Source<'a> {
-    /// In one of the forms of [`known`].
+    /// In one of the forms of [`simplified`].
     pixels: DynamicImage,
     /// Masks of any size. A pixel is valid if it is white in all of them.
     masks: Vec<GrayImage>,
@@ -87,7 +87,7 @@ struct Source<'a> {
 }
 
 /// Converts pixels of more than 8 bits to four channels of 16 bits or of floats.
-fn known(image: DynamicImage) -> DynamicImage {
+fn simplified(image: DynamicImage) -> DynamicImage {
     match image.color().bytes_per_pixel() / image.color().channel_count() {
         1 => image,
         2 => image.into_rgba16().into(),
@@ -103,6 +103,7 @@ fn pixel(image: &DynamicImage, x: u32, y: u32) -> [f32; 4] {
             let [r, g, b] = image.get_pixel(x, y).0;
             [unit(r), unit(g), unit(b), 1.0]
         }
+        DynamicImage::ImageRgba8(image) => image.get_pixel(x, y).0.map(unit),
         DynamicImage::ImageRgba16(image) => image.get_pixel(x, y).0.map(|word| f32::from(word) / 65535.0),
         DynamicImage::ImageRgba32F(image) => image.get_pixel(x, y).0,
         image => image.get_pixel(x, y).0.map(unit),
@@ -335,7 +336,7 @@ fn prepare(
     if lens.is_none() && masks.is_empty() && same_size && !decoded.color().has_alpha() {
         return Image { width, height, rgb: decoded.into_rgb8().into_raw(), mask: None };
     }
-    Source { pixels: known(decoded), masks, alpha, background, lens, reduce }.prepare(to)
+    Source { pixels: simplified(decoded), masks, alpha, background, lens, reduce }.prepare(to)
 }
 
 /// Reads the mask of a photo of this size, white for valid pixels. The photo may be a downscaled copy. The
@@ -364,7 +365,7 @@ fn read_mask(path: &Path, photo: [u32; 2], orientation: u8) -> Result<GrayImage>
 /// darkens.
 fn where_it_counts(mask: DynamicImage) -> GrayImage {
     let step = if mask.color().bytes_per_pixel() > mask.color().channel_count() { 1.0 / 65535.0 } else { 1.0 / 255.0 };
-    let pixels = known(mask);
+    let pixels = simplified(mask);
     let (width, height) = pixels.dimensions();
     let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(&pixels, x, y));
     let [r, g, b, a] = pixel(&pixels, 0, 0);
@@ -446,7 +447,7 @@ mod tests {
     use super::*;
 
     fn source(image: DynamicImage, alpha: Alpha, background: [f32; 3]) -> Source<'static> {
-        Source { pixels: known(image), masks: vec![], alpha, background, lens: None, reduce: Reduce::Area }
+        Source { pixels: simplified(image), masks: vec![], alpha, background, lens: None, reduce: Reduce::Area }
     }
 
     fn two(left: [u8; 4], right: [u8; 4]) -> DynamicImage {

@@ -75,7 +75,7 @@ pub(super) fn photo_bytes(pixels: u64) -> u64 {
 impl Args {
     /// Chooses where photos of `pixels` and the Gaussians lie, and limits a default maximum of Gaussians to the device's memory. Prints
     /// notes on all of these.
-    pub(super) fn placed(&self, context: &Context, first: &mut First, pixels: u64) -> (PhotosOn, GaussiansOn) {
+    pub(super) fn choose_places(&self, context: &Context, first: &mut First, pixels: u64) -> (PhotosOn, GaussiansOn) {
         let ([geometry, others], host) = (self.learning_bytes(), context.staging_memory());
         let fits = |bytes, pixels| fit(context.memory_at_most(), bytes, pixels) >= first.most;
         let on =
