@@ -372,7 +372,7 @@ mod tests {
         let length = Length { points: 300, iterations: 20, joint: Some(1) };
         let mut dataset = builtin_scene(2 * length.points).dataset();
         let photos = std::mem::take(&mut dataset.photos).into_iter().enumerate();
-        dataset.photos = photos.filter(|(i, _)| i % 7 == 0).map(|(_, photo)| photo).collect();
+        dataset.photos = photos.filter(|(i, _)| i % 14 == 0).map(|(_, photo)| photo).collect();
         let views = dataset.split(Split::Train).count() as u32;
         let Ok((report, _)) = line.args.run_for(&dataset, &length) else { panic!("the demo fails") };
         let [base, on, plain, other, augmented] = &report.rows;

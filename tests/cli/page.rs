@@ -5,7 +5,6 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::Command,
-    sync::LazyLock,
 };
 
 use base64::{Engine, engine::general_purpose::STANDARD};
@@ -66,25 +65,6 @@ fn pixels(page: &str) -> Vec<u8> {
     STANDARD.decode(text).unwrap()
 }
 
-/// Chromium with WebGPU; skips if it has none, unless `GLINT_REQUIRE_CHROMIUM` is set.
-fn with_webgpu() -> Option<PathBuf> {
-    static FOUND: LazyLock<Option<PathBuf>> = LazyLock::new(find_webgpu);
-    FOUND.clone()
-}
-
-fn find_webgpu() -> Option<PathBuf> {
-    let browser = chromium()?;
-    let page = page_of(&random_scene(1, 20, 0, 0), &random_camera(16, 12), false);
-    let found = framed(&browser, &[(page, "size=16x12&renderer=webgpu&pixels".into())], WEBGPU);
-    let said = text_of(&found[0], "message").unwrap();
-    let there = !said.contains("not offer");
-    assert!(there || std::env::var_os("GLINT_REQUIRE_CHROMIUM").is_none(), "{said}");
-    if !there {
-        eprintln!("skipped: {said}");
-    }
-    there.then_some(browser)
-}
-
 /// A page with one camera, "a & b.png".
 fn page_of(scene: &Scene, camera: &Camera, compensate: bool) -> String {
     let cameras = vec![("a & b.png", *camera)];
@@ -126,19 +106,37 @@ fn framed(browser: &Path, pages: &[(String, String)], more: &[&str]) -> Vec<Stri
     found
 }
 
+/// Loads pages as [`framed`] does; `None` where the test skips.
+type Open = fn(&[(String, String)]) -> Option<Vec<String>>;
+
+/// With what Chromium has by default.
+fn in_chromium(pages: &[(String, String)]) -> Option<Vec<String>> {
+    Some(framed(&chromium()?, pages, &[]))
+}
+
+/// With WebGPU; skips if a page is not offered it, unless `GLINT_REQUIRE_CHROMIUM` is set.
+fn with_webgpu(pages: &[(String, String)]) -> Option<Vec<String>> {
+    let found = framed(&chromium()?, pages, WEBGPU);
+    let lacks = found.iter().filter_map(|page| text_of(page, "message")).find(|said| said.contains("not offer"));
+    assert!(lacks.is_none() || std::env::var_os("GLINT_REQUIRE_CHROMIUM").is_none(), "{lacks:?}");
+    if let Some(said) = lacks {
+        eprintln!("skipped: {said}");
+        return None;
+    }
+    Some(found)
+}
+
 #[test]
 fn webgl_draws_what_the_twin_draws() {
-    let Some(browser) = chromium() else { return };
-    draws_what_the_twin_draws(&browser, "webgl2", &[]);
+    draws_what_the_twin_draws("webgl2", in_chromium);
 }
 
 #[test]
 fn webgpu_draws_what_the_twin_draws() {
-    let Some(browser) = with_webgpu() else { return };
-    draws_what_the_twin_draws(&browser, "webgpu", WEBGPU);
+    draws_what_the_twin_draws("webgpu", with_webgpu);
 }
 
-fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
+fn draws_what_the_twin_draws(renderer: &str, open: Open) {
     let (mut whole, camera) = (random_scene(41, 1500, 500, 3), random_camera(160, 120));
     let mut cases = Vec::new();
     // Base and supplement may have different bands.
@@ -171,7 +169,7 @@ fn draws_what_the_twin_draws(browser: &Path, renderer: &str, more: &[&str]) {
             (page_of(scene, camera, *compensate), format!("{hash}&renderer={renderer}&pixels"))
         })
         .collect();
-    let found = framed(browser, &pages, more);
+    let Some(found) = open(&pages) else { return };
     let found: Vec<Vec<u8>> = found.iter().map(|page| pixels(page)).collect();
     for (rgb, (_, scene, show, camera, compensate)) in found.iter().zip(&cases) {
         compare(rgb, scene, show, camera, *compensate);
@@ -217,27 +215,27 @@ fn compare(rgb: &[u8], scene: &Scene, show: &str, camera: &Camera, compensate: b
 /// With a quarter of a block for each workgroup, the sort has hundreds of blocks, more than one workgroup scans at once.
 #[test]
 fn webgpu_sorts_what_is_large_as_webgl_does() {
-    let Some(browser) = with_webgpu() else { return };
     let mut scene = random_scene(43, 67_500, 1000, 0);
     scene.base.log_scales.iter_mut().for_each(|scales| *scales = scales.map(|s| s - 2.0));
     let whole = page_of(&scene, &random_camera(160, 120), false);
     let page = whole.replacen("const SORT_BLOCK = 1024;", "const SORT_BLOCK = 256;", 1);
     assert_ne!(page, whole);
     let pages = ["webgl2", "webgpu"].map(|renderer| (page.clone(), format!("size=160x120&renderer={renderer}&pixels")));
-    let found: Vec<_> = framed(&browser, &pages, WEBGPU).iter().map(|page| pixels(page)).collect();
-    let [webgl, webgpu] = &found[..] else { panic!() };
-    let offs: Vec<u8> = webgl.iter().zip(webgpu).map(|(a, b)| a.abs_diff(*b)).collect();
+    let Some(found) = with_webgpu(&pages) else { return };
+    let [webgl, webgpu] = [0, 1].map(|i| pixels(&found[i]));
+    let offs: Vec<u8> = webgl.iter().zip(&webgpu).map(|(a, b)| a.abs_diff(*b)).collect();
     let (most, differ) = (offs.iter().max(), offs.iter().filter(|&&off| off > 0).count());
     assert!(webgl.len() == webgpu.len() && most <= Some(&2) && differ < offs.len() / 100, "{most:?}, {differ}");
 }
 
 /// Interactive pages with 200 Gaussians must show no message, and must be drawn by the renderers of `cases`: script that runs before
 /// the page's own, hash, name of the renderer.
-fn drawn_by(browser: &Path, cases: &[(&str, &str, &str)], more: &[&str]) {
+fn drawn_by(cases: &[(&str, &str, &str)], open: Open) {
     let page = page_of(&random_scene(41, 150, 50, 0), &random_camera(160, 120), false);
     let with = |script: &str| page.replacen("<script>", &format!("<script>{script}</script>\n<script>"), 1);
     let pages: Vec<_> = cases.iter().map(|(script, hash, _)| (with(script), (*hash).to_owned())).collect();
-    for (found, (script, hash, name)) in framed(browser, &pages, more).iter().zip(cases) {
+    let Some(found) = open(&pages) else { return };
+    for (found, (script, hash, name)) in found.iter().zip(cases) {
         let (status, message) = (text_of(found, "status").unwrap(), text_of(found, "message"));
         let drawn: u32 = status.split(' ').next().unwrap().parse().unwrap_or(0);
         assert!(drawn > 0 && status.contains("of 200 Gaussians"), "{script} {hash}: {status:?}, {message:?}");
@@ -250,14 +248,12 @@ fn drawn_by(browser: &Path, cases: &[(&str, &str, &str)], more: &[&str]) {
 
 #[test]
 fn the_first_frame_waits_for_no_worker() {
-    let Some(browser) = chromium() else { return };
     // A worker that never answers.
-    drawn_by(&browser, &[("window.Worker = class { postMessage() {} };", "", "WebGL2")], &[]);
+    drawn_by(&[("window.Worker = class { postMessage() {} };", "", "WebGL2")], in_chromium);
 }
 
 #[test]
 fn webgpu_is_taken_where_it_is_good_and_webgl_elsewhere() {
-    let Some(browser) = with_webgpu() else { return };
     let device = "Object.defineProperty(GPUAdapterInfo.prototype, 'isFallbackAdapter', { value: false });";
     let refused =
         format!("{device} GPUDevice.prototype.createComputePipelineAsync = () => Promise.reject(new Error('no'));");
@@ -293,7 +289,7 @@ fn webgpu_is_taken_where_it_is_good_and_webgl_elsewhere() {
         (&lost(1), "renderer=webgpu", "WebGPU"),
         (&lost(2), "renderer=webgpu", "WebGL2"),
     ];
-    drawn_by(&browser, &cases, WEBGPU);
+    drawn_by(&cases, with_webgpu);
 }
 
 #[test]
