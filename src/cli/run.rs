@@ -302,7 +302,7 @@ impl Args {
             );
         }
         for (name, what) in [
-            (self.output.join(SCENE), "the scene; glint convert writes it in other formats"),
+            (self.output.join(SCENE), "the scene; for other viewers, glint convert writes it in other formats"),
             (report.join(PAGE), "compared with the photos"),
             (self.output.join(VIEWER), "the scene in a browser"),
         ] {

@@ -7,7 +7,7 @@ use crate::{
 };
 
 /// Range of lobe widths T in the method (section 1).
-const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
+pub(super) const LOBE_WIDTHS: std::ops::RangeInclusive<f32> = 0.01..=1.0;
 
 /// Replaces a logit of +∞, an opacity of 1: ln 2²⁵, whose opacity is 1 in float32.
 const OPAQUE: f32 = 17.328_68;

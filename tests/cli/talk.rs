@@ -155,9 +155,12 @@ fn constant_colors_get_bands_where_they_pay() {
     let base = fs::metadata(work.path("base.ply")).unwrap().len();
     // Headers of 2 KB.
     assert!(added <= 20_000 && report["file_bytes"].as_u64().unwrap() <= base + added + 2000, "{report}");
-    // Other viewers show constant colors.
     work.ok("convert a.ply b.ply");
     assert_eq!(work.json("info b.ply --json")["banded"], banded);
+    // Other viewers show constant colors of it, and all bands of the base alone.
+    work.ok("convert a.ply c.ply --base-only");
+    let alone = work.json("info c.ply --json");
+    assert_eq!((&alone["sh_degree"], &alone["banded"]), (&info["sh_degree"], &Value::Null));
     let [whole, copy] =
         ["a.ply", "b.ply"].map(|scene| work.json(&format!("eval {scene} data --json"))["augmented"].clone());
     assert_eq!(whole, copy);

@@ -27,7 +27,7 @@ use glint::{
         read_scene_file_leniently, write_scene_as, write_scene_file,
     },
     reference::sample::random_scene,
-    scene::{Gaussians, Scene},
+    scene::{Gaussians, Lobes, Scene, Supplement},
 };
 use shared::shared;
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
@@ -250,5 +250,37 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
         assert_eq!(notes, [""; 0], "{ending}");
         let found = back.trained_with;
         assert!(found == if format.keeps_origin { plain } else { TrainedWith::default() }, "{ending}: {found:?}");
+    }
+}
+
+/// A regression test: the smallest width of a lobe was rounded to one that is refused.
+#[test]
+fn numbers_at_the_ends_of_what_is_accepted_are_read_again() {
+    let ends = [-f32::MAX, -1e6, -f32::MIN_POSITIVE, 0.0, f32::MIN_POSITIVE, 1e6, f32::MAX];
+    let at = |k: usize| ends[k % ends.len()];
+    type Change = fn(&mut Gaussians, &mut Lobes, usize, f32);
+    let changes: [(&str, Change); 7] = [
+        ("log_scales", |g, _, i, v| g.log_scales[i][i % 3] = v),
+        ("quats", |g, _, i, v| g.quats[i] = [0.0, v, v, 1e-30]),
+        ("opacities", |g, _, i, v| g.opacities[i] = v),
+        ("sh", |g, _, i, v| g.sh[4 * i + i % 4] = [v, 0.5, v]),
+        ("directions", |_, l, i, v| l.directions[i] = [v, 1e-30, v]),
+        ("widths", |_, l, i, v| l.widths[i] = v.clamp(0.01, 1.0)),
+        ("sharpness", |_, l, i, v| l.sharpness[i] = v),
+    ];
+    for (what, change) in changes {
+        for &format in SceneFormat::ALL {
+            let mut scene = random_scene(4, 2 * ends.len(), ends.len(), 1);
+            let Supplement { gaussians, lobes } = scene.supplement.as_mut().unwrap();
+            (0..ends.len()).for_each(|i| change(gaussians, lobes, i, at(i)));
+            let mut none = lobes.clone();
+            (0..ends.len()).for_each(|i| change(&mut scene.base, &mut none, i, at(i)));
+            if !format.keeps_lobes {
+                scene.supplement = None;
+            }
+            let count = |scene: &Scene| (scene.base.len(), scene.supplement.as_ref().map(|s| s.gaussians.len()));
+            let (back, notes) = kept(&scene.clone().into(), format);
+            assert_eq!(count(&back.scene), count(&scene), "{what} in {}: {notes:?}", format.ending);
+        }
     }
 }

@@ -408,12 +408,15 @@ impl Report<'_> {
     /// Formats the report as text.
     fn text(&self, sh_degree: u32) -> String {
         let Report { output, device, seconds, steps_per_second, final_loss, .. } = self;
-        let colors = match self.banded {
-            Some(banded @ 1..) => format!("{}, {banded} of them with bands of degree {sh_degree}", color::of(0).name),
-            _ => color::of(sh_degree).name.into(),
+        let (colors, shown) = match self.banded {
+            Some(banded @ 1..) => (
+                format!("{}, {banded} of them with bands of degree {sh_degree}", color::of(0).name),
+                "other viewers show constant colors; glint convert writes the bands for them\n",
+            ),
+            _ => (color::of(sh_degree).name.into(), ""),
         };
         format!(
-            "{output}: {} of {colors} from {}\n{} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n",
+            "{output}: {} of {colors} from {}\n{} in {seconds:.1} s ({steps_per_second:.1}/s) on {device}, loss {final_loss:.4}\n{shown}",
             counted(self.gaussians, "Gaussian"),
             counted(self.photos, "photo"),
             counted(self.length.iterations as usize, "step"),

@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 use super::axes::{self, Signs, Y_UP_Z_BACK};
 use super::common::{name, put, room};
 use super::{floaters, inflate, quantise};
-use crate::data::{SceneFile, TrainedWith};
+use crate::data::{SceneFile, TrainedWith, validate::LOBE_WIDTHS};
 use crate::scene::{Gaussians, Lobes, Scene, Supplement};
 use crate::{Error, Result};
 
@@ -341,8 +341,12 @@ fn pack_lobes(
         let direction = DVec3::from_array(direction.map(f64::from)).normalize_or_zero();
         let parts = direction.to_array().map(|v| (v * f64::from(i16::MAX)).round() as i16);
         stream.extend(parts.into_iter().flat_map(i16::to_le_bytes));
-        stream.extend(((f64::from(*width) * f64::from(u16::MAX)).round() as u16).to_le_bytes());
-        stream.extend(half::f16::from_f32(*sharpness).to_le_bytes());
+        // The smallest width lies between two steps, and the lower one is no width.
+        let [width, least] = [*width, *LOBE_WIDTHS.start()].map(|v| f64::from(v) * f64::from(u16::MAX));
+        stream.extend((width.round().max(least.ceil()) as u16).to_le_bytes());
+        // Beyond float16 the factor is 0 or 1 in float32 as well.
+        let [least, most] = [half::f16::MIN, half::f16::MAX].map(half::f16::to_f32);
+        stream.extend(half::f16::from_f32(sharpness.clamp(least, most)).to_le_bytes());
     }
     out.extend(zstd::bulk::compress(&stream, LEVEL).map_err(|error| error.to_string())?);
     Ok(out)
