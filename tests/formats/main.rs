@@ -257,7 +257,6 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
 #[test]
 fn numbers_at_the_ends_of_what_is_accepted_are_read_again() {
     let ends = [-f32::MAX, -1e6, -f32::MIN_POSITIVE, 0.0, f32::MIN_POSITIVE, 1e6, f32::MAX];
-    let at = |k: usize| ends[k % ends.len()];
     type Change = fn(&mut Gaussians, &mut Lobes, usize, f32);
     let changes: [(&str, Change); 7] = [
         ("log_scales", |g, _, i, v| g.log_scales[i][i % 3] = v),
@@ -272,9 +271,10 @@ fn numbers_at_the_ends_of_what_is_accepted_are_read_again() {
         for &format in SceneFormat::ALL {
             let mut scene = random_scene(4, 2 * ends.len(), ends.len(), 1);
             let Supplement { gaussians, lobes } = scene.supplement.as_mut().unwrap();
-            (0..ends.len()).for_each(|i| change(gaussians, lobes, i, at(i)));
-            let mut none = lobes.clone();
-            (0..ends.len()).for_each(|i| change(&mut scene.base, &mut none, i, at(i)));
+            for (i, v) in ends.into_iter().enumerate() {
+                change(&mut scene.base, &mut lobes.clone(), i, v);
+                change(gaussians, lobes, i, v);
+            }
             if !format.keeps_lobes {
                 scene.supplement = None;
             }

@@ -341,7 +341,7 @@ fn pack_lobes(
         let direction = DVec3::from_array(direction.map(f64::from)).normalize_or_zero();
         let parts = direction.to_array().map(|v| (v * f64::from(i16::MAX)).round() as i16);
         stream.extend(parts.into_iter().flat_map(i16::to_le_bytes));
-        // The smallest width lies between two steps, and the lower one is no width.
+        // The smallest width lies between two steps, and the lower one is refused.
         let [width, least] = [*width, *LOBE_WIDTHS.start()].map(|v| f64::from(v) * f64::from(u16::MAX));
         stream.extend((width.round().max(least.ceil()) as u16).to_le_bytes());
         // Beyond float16 the factor is 0 or 1 in float32 as well.
