@@ -189,5 +189,6 @@ def test_devices_and_verify_are_the_command_line_s(glint):
     assert g.devices() == json.loads(glint("devices", "--json"))
     report = g.verify(quick=True)
     assert report["device"] and len(report["rows"]) > 50
+    # No bound notices so small an error.
     with pytest.raises(g.DeviceError, match="out of bounds"):
-        g.verify(quick=True, perturb=0.01)
+        g.verify(quick=True, perturb=1e-9)
