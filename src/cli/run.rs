@@ -302,7 +302,10 @@ impl Args {
             );
         }
         for (name, what) in [
-            (self.output.join(SCENE), "the scene; for other viewers, glint convert writes it in other formats"),
+            (
+                self.output.join(SCENE),
+                "the scene; other viewers show more of it in other formats, which glint convert writes",
+            ),
             (report.join(PAGE), "compared with the photos"),
             (self.output.join(VIEWER), "the scene in a browser"),
         ] {

@@ -15,10 +15,11 @@ impl Work {
         fs::read(self.path("made.ply")).unwrap()
     }
 
-    /// Checks that `command` gives another scene with each of `options`; returns all of them, and the scene without any under the name "".
-    /// tests/cli/kept.rs holds that the same command gives the same scene.
+    /// Checks that `command` gives the same scene twice, and another one with each of `options`; returns
+    /// all of them, the first under the name "".
     fn changes<'a>(&self, command: &str, options: &[&'a str]) -> BTreeMap<&'a str, Vec<u8>> {
         let plain = self.made(command, "");
+        assert!(self.made(command, "") == plain, "{command} makes another scene every time");
         let mut made: BTreeMap<_, _> = options.iter().map(|option| (*option, self.made(command, option))).collect();
         let idle: Vec<_> = made.iter().filter(|(_, scene)| **scene == plain).map(|(option, _)| option).collect();
         assert!(idle.is_empty(), "{command}: {idle:?} change nothing");

@@ -517,7 +517,7 @@ fn memory_that_runs_out_anywhere_is_an_error() {
             false
         };
         // Bisects for the smallest sufficient budget, so that later and later allocations fail.
-        const MOST: u64 = 1 << 23;
+        const MOST: u64 = 1 << 24;
         let (mut few, mut enough) = (0, MOST);
         while few == 0 || enough - few > enough / 3 {
             let budget = if few == 0 { enough / 2 } else { u64::midpoint(few, enough) };

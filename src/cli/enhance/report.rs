@@ -100,9 +100,9 @@ pub(super) struct Gain {
     /// Quality of the `vertex` part, as other viewers show it. This is the original base if the changed one
     /// is worse alone.
     pub(super) base_alone: Quality,
-    /// Whether other viewers miss bands of the base.
+    /// Whether some Gaussians of the base have bands: other viewers show none of them.
     #[serde(skip)]
-    bands_missed: bool,
+    mixed: bool,
     /// Gain of as many steps of longer training, dB; null if unknown.
     pub(super) longer_training: Option<Longer>,
 }
@@ -234,8 +234,7 @@ pub(super) fn gain(
     };
     let after = compare(&found.scene, &comparing)?;
     drop(comparing);
-    let bands_missed = found.original.is_none() && found.scene.mixed;
-    let base_alone = match (&found.original, bands_missed) {
+    let base_alone = match (&found.original, found.scene.mixed) {
         (Some(_), _) => before.augmented,
         (None, false) => after.base,
         // Other viewers show the constant colors.
@@ -259,17 +258,17 @@ pub(super) fn gain(
             Err(error) => note(format!("longer training was not measured: {error}")),
         }
     }
-    Ok(Some(Gain { views: seen, before, after, base_alone, bands_missed, longer_training }))
+    Ok(Some(Gain { views: seen, before, after, base_alone, mixed: found.scene.mixed, longer_training }))
 }
 
 impl Gain {
     fn text(&self) -> String {
-        let Gain { views, before, after, base_alone, bands_missed, longer_training } = self;
+        let Gain { views, before, after, base_alone, mixed, longer_training } = self;
         let longer = longer_training.map_or(String::new(), |Longer { psnr, measured }| {
             let how = if measured { "measured" } else { "estimated from its first steps, on the training views" };
             format!("longer training instead, same number of steps: {psnr:+.2} dB ({how})\n")
         });
-        let missed = if *bands_missed { ", without the bands, which glint convert writes for them" } else { "" };
+        let missed = if *mixed { ", without the bands, which other formats of glint convert have" } else { "" };
         format!(
             "{}: PSNR {:.2} to {:.2} dB ({:+.2}), SSIM {:.4} to {:.4}\n\
              the base part alone, as other viewers show it: {:.2} dB ({:+.2}){missed}\n{longer}",

@@ -411,7 +411,7 @@ impl Report<'_> {
         let (colors, shown) = match self.banded {
             Some(banded @ 1..) => (
                 format!("{}, {banded} of them with bands of degree {sh_degree}", color::of(0).name),
-                "other viewers show constant colors; glint convert writes the bands for them\n",
+                "other viewers show constant colors of this file, and the bands in other formats of glint convert\n",
             ),
             _ => (color::of(sh_degree).name.into(), ""),
         };
