@@ -22,7 +22,7 @@ use super::{
     lock::Lock,
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
-    progress::note,
+    progress::{Progress, note},
     tell_run, units,
 };
 use crate::{
@@ -30,6 +30,7 @@ use crate::{
     data::{Dataset, Photo, SceneFile, Split, TrainedWith, scene_bytes, write_ply},
     gpu::Context,
     pipelines::{
+        classes::demote,
         enhance::{EnhanceOptions, Enhanced, Method},
         join::JoinOptions,
         lift::LiftOptions,
@@ -201,6 +202,12 @@ pub(super) struct Args {
     /// the original one does not count
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
+    /// Maximum size of all Gaussians in the file, such as 25MB, in place of that of the added ones. Bands of harmonics that
+    /// prevent little error are removed from the base, and added Gaussians take their bytes. Viewers that do not know this
+    /// format show constant colors
+    #[arg(long, value_name = "BYTES", value_parser = units::bytes, conflicts_with = "bytes")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    total_bytes: Option<u64>,
     /// Time until the scene is written, such as 60s or 5m; the joint phase has as many steps as fit. Two
     /// runs differ
     #[arg(long, value_parser = units::duration)]
@@ -248,9 +255,25 @@ struct Task<'a> {
     photos: Vec<&'a Photo>,
     /// Base.
     scene: &'a Scene,
+    /// With --total-bytes the base without bands that prevent little error; it is what is augmented.
+    demoted: Option<Scene>,
     options: EnhanceOptions,
     policy: Policy,
     trained_with: TrainedWith,
+}
+
+impl Task<'_> {
+    /// The scene that is augmented.
+    fn from(&self) -> &Scene {
+        self.demoted.as_ref().unwrap_or(self.scene)
+    }
+
+    /// Gaussians of the base that lost their bands.
+    fn lost_bands(&self) -> usize {
+        let constants =
+            |scene: &Scene| if scene.mixed || scene.base.sh_degree == 0 { scene.base.constants() } else { 0 };
+        constants(self.from()) - constants(self.scene)
+    }
 }
 
 impl Args {
@@ -290,8 +313,8 @@ impl Args {
         }
         let background = dataset.background;
         let run = Watched { device: &self.common.device, dataset: &dataset, policy, background, output: &self.output };
-        let task = Task { dataset: &dataset, photos, scene: &scene, options, policy, trained_with };
-        self.watch.with(&run, |context, look_at| self.augment(context, look_at, &task, end))
+        let task = Task { dataset: &dataset, photos, scene: &scene, demoted: None, options, policy, trained_with };
+        self.watch.with(&run, |context, look_at| self.augment(context, look_at, task, end))
     }
 
     /// Reads the base; fails if it is augmented or has no harmonics.
@@ -309,18 +332,25 @@ impl Args {
     }
 
     /// Runs the augmentation, until `end` at the latest, and prints its report.
-    fn augment(&self, context: &Context, look_at: &mut Look<'_>, task: &Task<'_>, end: Option<Instant>) -> Outcome {
-        let Task { dataset, photos, scene, options, policy, trained_with } = task;
+    fn augment(&self, context: &Context, look_at: &mut Look<'_>, mut task: Task<'_>, end: Option<Instant>) -> Outcome {
+        let Task { dataset, ref photos, scene, policy, trained_with, .. } = task;
         let (background, extent) = (dataset.background, dataset.extent() as f32);
-        let session = self.common.learn.session(context, *policy, background, extent, self.seed.into());
+        let session = self.common.learn.session(context, policy, background, extent, self.seed.into());
         let (views, checksums) = upload(context, photos, background, 0, Storage::Device, false)?;
+        if let Some(total) = self.total_bytes {
+            let bar = Progress::new("weighing bands", "steps", 1);
+            let demoted = demote(&session, scene, &views, total, |[done, all]| bar.set_of(done.into(), all.into()))?;
+            task.options.bytes = Some(total.saturating_sub(scene_bytes(&demoted)));
+            task.demoted = Some(demoted);
+        }
+        let (from, options) = (task.from(), &task.options);
         // A run by time has another number of steps each time, so it has no checkpoint.
         let mut kept = None;
         if self.time.is_none() {
             let base = fs::read(&self.base).map_err(|e| Error::io(&self.base, e))?;
             let base = ("base", json!({"crc32": crc32fast::hash(&base), "bytes": base.len()}));
             let settings = settings(&session, photos, &checksums, self, &format!("{options:?}"), base)?;
-            kept = Some(Kept::new(&self.output, settings, &self.keep, *trained_with));
+            kept = Some(Kept::new(&self.output, settings, &self.keep, trained_with));
         }
         let earlier = kept.as_mut().map(Kept::find).transpose()?.flatten();
         // A resumed joint phase was timed only in part, and a run by time has no time left to repeat it.
@@ -337,7 +367,11 @@ impl Args {
             end,
             silent: self.json,
         };
-        let mut found = run_with_progress(&session, scene, &views, options, beside, look_at)?;
+        let mut found = run_with_progress(&session, from, &views, options, beside, look_at)?;
+        if let Some(plan) = found.spending.as_mut().filter(|_| task.demoted.is_some()) {
+            // They are of the base without the removed bands.
+            (plan.training_on_db, plan.training_on_db_per_second) = (None, None);
+        }
         let joint_steps = found.join.as_ref().map_or(0, |join| join.losses.len() as u32);
         let ended = interrupt.asked() && found.join.is_some() && joint_steps < found.steps;
         // Written before anything else can fail.
@@ -348,8 +382,8 @@ impl Args {
         }
         // After an interrupt, the result is not measured.
         let (gain, discarded) =
-            if ended { (None, false) } else { self.judge(&session, (&views, repeat), task, &mut found)? };
-        let report = self.report(context, task, &found, gain, discarded)?;
+            if ended { (None, false) } else { self.judge(&session, (&views, repeat), &task, &mut found)? };
+        let report = self.report(context, &task, &found, gain, discarded)?;
         match self.json {
             true => print_json(&report)?,
             false => print(report.text(options.method))?,
@@ -387,7 +421,7 @@ impl Args {
         if discarded {
             note(format!(
                 "the augmented scene is {:.2} dB worse on the test photos than the base, so the base was written; with \
-                 a budget (--ratio, --bytes, --time) the augmented scene is written in any case",
+                 a budget (--ratio, --bytes, --total-bytes, --time) the augmented scene is written in any case",
                 -change
             ));
             write_ply(&self.output, scene, None, trained_with)?;
@@ -410,7 +444,7 @@ impl Args {
         discarded: bool,
     ) -> Result<Report<'a>> {
         let Task { photos, scene, options, .. } = task;
-        let allowance = options.allowance(scene);
+        let allowance = options.allowance(task.from());
         let plain = (found.scene.base.len() - scene.base.len()) as u32;
         let budget = match options.method {
             Method::Pursuit => allowance.most().into_iter().max().unwrap_or_default(),
@@ -429,6 +463,7 @@ impl Args {
                 supplementary_gaussians: found.lifted,
                 plain_gaussians: plain,
                 banded_gaussians: found.promotion.gains.len() as u32,
+                demoted_gaussians: task.lost_bands(),
                 bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) + found.promotion.bytes() },
                 file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
             },
@@ -448,27 +483,36 @@ impl Args {
         })
     }
 
+    /// The budget in bytes, of all Gaussians or of the added ones.
+    fn budget(&self) -> Option<u64> {
+        self.total_bytes.or(self.bytes)
+    }
+
     /// Whether method and budget are glint's defaults.
     fn asks_for_nothing(&self) -> bool {
-        self.method == Method::Pursuit && self.ratio.is_none() && self.bytes.is_none() && self.time.is_none()
+        self.method == Method::Pursuit && self.ratio.is_none() && self.budget().is_none() && self.time.is_none()
     }
 
     /// Options of the augmentation, by method and budget.
     fn options(&self) -> Result<EnhanceOptions> {
         let options = self.choices.options(self.method, Preset::Paper)?;
         if self.method == Method::Augs {
-            let of_pursuit = [("--bytes", self.bytes.is_some()), ("--time", self.time.is_some())];
+            let of_pursuit = [
+                ("--bytes", self.bytes.is_some()),
+                ("--total-bytes", self.total_bytes.is_some()),
+                ("--time", self.time.is_some()),
+            ];
             if let Some((name, _)) = of_pursuit.into_iter().find(|(_, given)| *given) {
                 return Err(Error::Usage(format!("{name} needs --method pursuit")));
             }
             return Ok(EnhanceOptions { ratio: self.ratio.unwrap_or(options.ratio), ..options });
         }
-        let (ratio, weigh) = match (self.ratio, self.bytes) {
+        let (ratio, weigh) = match (self.ratio, self.budget()) {
             (Some(ratio), _) => (ratio, Weigh::Tell),
             (None, Some(_)) => (MOST_BY_BYTES, Weigh::Tell),
             (None, None) => (MOST_BY_GAIN, Weigh::Limit),
         };
-        Ok(EnhanceOptions { ratio, weigh, bytes: self.bytes, ..options })
+        Ok(EnhanceOptions { ratio, weigh, bytes: self.budget(), ..options })
     }
 }
 

@@ -47,7 +47,7 @@ const SECTIONS: [(&str, &[&str], &[&str]); 4] = [
     (
         "Training",
         &["preset", "iterations", "time", "gaussians", "bytes", "ratio", "method", "sh-degree", "exposure"],
-        &["points", "strategy", "color", "halvings", "seed"],
+        &["total-bytes", "points", "strategy", "color", "halvings", "seed"],
     ),
     (
         "Device",

@@ -1,4 +1,4 @@
-//! Finds the Gaussians of a constant color that gain by bands of harmonics (method, section 8).
+//! Finds the Gaussians that gain by bands of harmonics, or would lose without theirs (method, section 8).
 //!
 //! For each page of Gaussians: (render → two passes of (density_image → blend_backward of scores → bands_look)) for each view, then
 //! bands_fit for each degree. A gain counts views that were left out of the fit, so that of noise is not above 0 in the mean.
@@ -17,7 +17,7 @@ use crate::{
     data::band_bytes,
     error::{Error, Result},
     gpu::{Buffer, Context, GpuError, Location, Recorder},
-    scene::{Gaussians, Scene, layout},
+    scene::{Gaussians, Scene, color, layout},
     stages::{
         WORKGROUP, bands_fit, bands_look,
         constants::density::{BLUE, RED_GREEN},
@@ -207,18 +207,19 @@ impl Rig {
 }
 
 impl Bands {
-    /// Searches the base of `scene`, in all photographs of `views` with their sides halved `halvings` times. Waits.
+    /// Searches the base of `scene`, whose bands count as not yet given, in all photographs of `views` with their sides halved `halvings` times. Waits.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the scene is empty or its colors are not constant, or there are no views; otherwise an error of the device.
+    /// [`Error::Usage`] if the scene is empty or its colors are not harmonics, or there are no views; otherwise an error of the device.
     pub fn new(session: &Session, scene: &Scene, views: &Views, halvings: u32) -> Result<Self> {
         let context = &session.context;
         let count = views.photos;
         if scene.base.is_empty() || count == 0 {
             return Err(Error::Usage("no bands to find: no Gaussians, or no views".into()));
         }
-        if scene.base.sh_degree != 0 {
-            return Err(Error::Usage("bands are found for constant colors, and the base has bands already".into()));
+        let colors = color::of(scene.base.sh_degree);
+        if colors.harmonics.is_none() {
+            return Err(Error::Usage(format!("bands are found for harmonics, and the base has {}", colors.name)));
         }
         let places = places_per_page(context, count);
         let base = Scene { base: scene.base.clone(), origin: scene.origin, ..Scene::default() };
@@ -296,17 +297,21 @@ impl Bands {
     /// The Gaussians to promote, for at most `most` bytes. Each gains at least `least` per byte. Of all degrees it is the one that gains
     /// most, less the price of its bytes.
     pub fn choose(&self, most: u64, least: f64) -> Promotion {
-        let of = |(fitted, degree): (&Fitted, u32)| {
-            let each = band_bytes(degree);
-            let mut gains = fitted.gains.clone();
-            gains.retain(|found| f64::from(found.gain) > least * each as f64);
-            gains.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.number.cmp(&b.number)));
-            gains.truncate(usize::try_from(most / each).unwrap_or(usize::MAX));
-            Promotion { degree, gains }
-        };
-        let all = self.fitted.iter().zip(DEGREES).map(of).filter(|promotion| !promotion.gains.is_empty());
+        let of = |degree| self.choose_of(degree, most, least);
+        let all = DEGREES.into_iter().map(of).filter(|promotion| !promotion.gains.is_empty());
         let net = |promotion: &Promotion| promotion.gain() - least * promotion.bytes() as f64;
         all.max_by(|a, b| net(a).total_cmp(&net(b))).unwrap_or_default()
+    }
+
+    /// [`Bands::choose`] for one degree, 1 to 3; for another nobody is promoted.
+    pub fn choose_of(&self, degree: u32, most: u64, least: f64) -> Promotion {
+        let Some(d) = DEGREES.iter().position(|&known| known == degree) else { return Promotion::default() };
+        let each = band_bytes(degree);
+        let mut gains = self.fitted[d].gains.clone();
+        gains.retain(|found| f64::from(found.gain) > least * each as f64);
+        gains.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.number.cmp(&b.number)));
+        gains.truncate(usize::try_from(most / each).unwrap_or(usize::MAX));
+        Promotion { degree, gains }
     }
 
     /// `base` with the bands of a promotion, see [`Promotion::order`].

@@ -19,7 +19,7 @@ use crate::{
     data::{
         band_bytes,
         checkpoint::{BANDED, BASE, SH},
-        gaussian_bytes,
+        gaussian_bytes, scene_bytes,
     },
     error::{Error, Result},
     scene::{Gaussians, Scene, layout},
@@ -31,6 +31,11 @@ pub const DIVIDED_AT: f64 = 0.12;
 /// Relative fall of the predicted squared error that justifies a relative increase of bytes. True gains of bands are several times the
 /// predicted ones (docs/experiments/2026-11-29-predictions.md); docs/experiments/2026-11-29-classes.md has other values.
 pub const WORTH: f64 = 0.05;
+/// The same for bands that a scene has: those are removed that prevent a smaller part of the squared error than this times their part of
+/// the bytes (docs/experiments/2026-11-30-demotion.md).
+pub const WORTH_KEEPING: f64 = 8.0;
+/// Part of the bytes that a base takes at most when bands are removed; the rest is for added Gaussians. It is that of `glint run`.
+pub const BASE_PART: f64 = 0.75;
 /// Before the division Gaussians grow as if this share of them were to get bands of the highest degree, so that any division fits.
 pub const ASSUMED: f64 = 0.3;
 /// Name in a checkpoint.
@@ -126,6 +131,44 @@ pub fn divide(
     let mut divided = divided(&checkpoint, &promotion.order(count), constants, &colors, session.policy.packed)?;
     classes.keep(&mut divided);
     Ok((classes, divided))
+}
+
+/// `scene` without the bands that prevent little of the squared error, for a scene of at most `bytes` in which other Gaussians take their
+/// place. Nothing else changes. `progress` is called with the done and all steps of a search in the photographs of `views`. Waits.
+///
+/// # Errors
+/// [`Error::Usage`] if not even constant colors fit the bytes, or if the colors are not harmonics; otherwise an error of the device.
+pub fn demote(
+    session: &Session,
+    scene: &Scene,
+    views: &Views,
+    bytes: u64,
+    mut progress: impl FnMut([u32; 2]),
+) -> Result<Scene> {
+    let (count, degree) = (scene.base.len(), scene.base.sh_degree);
+    let constant = count as u64 * gaussian_bytes(0, false);
+    if constant > bytes {
+        let what = format!("{count} Gaussians take {constant} bytes without bands, expected at most {bytes}");
+        return Err(Error::Usage(what));
+    }
+    if degree == 0 {
+        return Ok(scene.clone());
+    }
+    let mut bands = Bands::new(session, scene, views, 0)?;
+    bands.measure_errors(session, views)?;
+    while let Some(done) = bands.advance(views)? {
+        progress(done);
+    }
+    let least = WORTH_KEEPING * bands.squared_error(views) / scene_bytes(scene) as f64;
+    let mut kept = bands.choose_of(degree, u64::MAX, least);
+    let first = if scene.mixed { scene.base.constants() } else { 0 };
+    kept.gains.retain(|found| found.number as usize >= first);
+    let room = ((BASE_PART * bytes as f64) as u64).saturating_sub(constant);
+    kept.gains.truncate((room / band_bytes(degree)) as usize);
+    let mut base = scene.base.reordered(&kept.order(count));
+    let constants = count - kept.gains.len();
+    base.sh.chunks_mut(layout::coefficients(degree)).take(constants).for_each(|sh| sh[1..].fill([0.0; 3]));
+    Ok(Scene { base, mixed: true, ..scene.clone() })
 }
 
 /// A checkpoint in which the Gaussians of the base come in `order`, those from `constants` on as a segment with bands. `colors` are all

@@ -128,6 +128,16 @@ fn version_1_has_ranges_in_the_place_of_codebooks() {
 }
 
 #[test]
+fn harmonics_without_bands_need_no_images() {
+    let file = changed(|meta, _| meta["shN"] = json!({"count": 0, "bands": 0, "codebook": [], "files": []})).unwrap();
+    let base = &file.scene.base;
+    assert_eq!(
+        (base.len(), base.sh_degree, &base.sh[..]),
+        (2, 0, &[[0.0, 0.25, 0.5], [1.0, 2.0, 3.0].map(|v| v / 256.0)][..])
+    );
+}
+
+#[test]
 fn archives_and_folders_and_png_are_read_alike() {
     let wanted = changed(|_, _| {}).unwrap();
     let (mut meta, mut files) = files();

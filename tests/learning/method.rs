@@ -107,6 +107,8 @@ fn numbers_of_training() -> BTreeMap<&'static str, f64> {
         ("classes: divided after, of the run", classes::DIVIDED_AT),
         ("classes: worth of bytes", classes::WORTH),
         ("classes: assumed with bands before", classes::ASSUMED),
+        ("classes: worth of bands that are kept", classes::WORTH_KEEPING),
+        ("classes: part of the bytes for a base that loses bands", classes::BASE_PART),
         ("exposure: first rate", exposure::RATES[0]),
         ("exposure: last rate", exposure::RATES[1]),
         ("Newton: decay of a curvature", CURVATURE_DECAY),

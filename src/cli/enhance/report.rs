@@ -68,6 +68,8 @@ pub(super) struct Sizes {
     pub(super) plain_gaussians: u32,
     /// Gaussians of the base that got bands.
     pub(super) banded_gaussians: u32,
+    /// Gaussians of the base that lost their bands.
+    pub(super) demoted_gaussians: usize,
     /// Size of added Gaussians and bands in the file, bytes; 0 if they were discarded.
     pub(super) bytes_added: u64,
     /// Size of the file, bytes, including a changed base stored next to the original.
@@ -181,13 +183,17 @@ impl Report<'_> {
             0 => String::new(),
             banded => format!(", {banded} of which got bands"),
         };
+        let demoted = match sizes.demoted_gaussians {
+            0 => String::new(),
+            demoted => format!(", {demoted} of which lost their bands"),
+        };
         let faded = match self.faded_gaussians {
             0 => String::new(),
             faded => format!(", without {faded} that faded"),
         };
         let discarded = if self.discarded { ", discarded: the file has the original base" } else { "" };
         format!(
-            "{output}: {}{plain} on a base of {base_gaussians}{banded}{faded}{discarded}\n\
+            "{output}: {}{plain} on a base of {base_gaussians}{banded}{demoted}{faded}{discarded}\n\
              base {:.1} s, {times}, joint phase {:.1} s on {device}\n{}",
             counted(sizes.supplementary_gaussians as usize, "supplementary Gaussian"),
             seconds.base,
