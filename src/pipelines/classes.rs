@@ -31,8 +31,8 @@ pub const DIVIDED_AT: f64 = 0.12;
 /// Relative fall of the predicted squared error that justifies a relative increase of bytes. True gains of bands are several times the
 /// predicted ones (docs/experiments/2026-11-29-predictions.md); docs/experiments/2026-11-29-classes.md has other values.
 pub const WORTH: f64 = 0.05;
-/// The same for bands that a scene has: those are removed that prevent a smaller part of the squared error than this times their part of
-/// the bytes (docs/experiments/2026-11-30-demotion.md).
+/// Part of the squared error that bands must prevent to be kept by [`demote`], relative to their part of the bytes
+/// (docs/experiments/2026-11-30-demotion.md).
 pub const WORTH_KEEPING: f64 = 8.0;
 /// Part of the bytes that a base takes at most when bands are removed; the rest is for added Gaussians. It is that of `glint run`.
 pub const BASE_PART: f64 = 0.75;
