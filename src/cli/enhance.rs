@@ -264,7 +264,7 @@ struct Task<'a> {
 
 impl Task<'_> {
     /// The scene that is augmented.
-    fn from(&self) -> &Scene {
+    fn to_augment(&self) -> &Scene {
         self.demoted.as_ref().unwrap_or(self.scene)
     }
 
@@ -272,7 +272,7 @@ impl Task<'_> {
     fn lost_bands(&self) -> usize {
         let constants =
             |scene: &Scene| if scene.mixed || scene.base.sh_degree == 0 { scene.base.constants() } else { 0 };
-        constants(self.from()) - constants(self.scene)
+        constants(self.to_augment()) - constants(self.scene)
     }
 }
 
@@ -343,7 +343,7 @@ impl Args {
             task.options.bytes = Some(total.saturating_sub(scene_bytes(&demoted)));
             task.demoted = Some(demoted);
         }
-        let (from, options) = (task.from(), &task.options);
+        let (base, options) = (task.to_augment(), &task.options);
         // A run by time has another number of steps each time, so it has no checkpoint.
         let mut kept = None;
         if self.time.is_none() {
@@ -367,7 +367,7 @@ impl Args {
             end,
             silent: self.json,
         };
-        let mut found = run_with_progress(&session, from, &views, options, beside, look_at)?;
+        let mut found = run_with_progress(&session, base, &views, options, beside, look_at)?;
         if let Some(plan) = found.spending.as_mut().filter(|_| task.demoted.is_some()) {
             // They are of the base without the removed bands.
             (plan.training_on_db, plan.training_on_db_per_second) = (None, None);
@@ -444,7 +444,7 @@ impl Args {
         discarded: bool,
     ) -> Result<Report<'a>> {
         let Task { photos, scene, options, .. } = task;
-        let allowance = options.allowance(task.from());
+        let allowance = options.allowance(task.to_augment());
         let plain = (found.scene.base.len() - scene.base.len()) as u32;
         let budget = match options.method {
             Method::Pursuit => allowance.most().into_iter().max().unwrap_or_default(),

@@ -63,10 +63,9 @@ const CURVE: u32 = 5;
 
 /// Share of --time for the base and for the augmentation; not tuned. The rest is for report and page.
 const TIME: [f64; 2] = [0.55, 0.35];
-/// Share of --bytes for the base (docs/experiments/2026-11-29-classes.md), for one of constant colors
-/// (docs/experiments/2026-11-28-run.md), and for one with harmonics. The last leaves no bytes for bands, only the tenth that
-/// docs/experiments/2026-11-26-photographs.md measures for lobes.
-const BASE_BYTES: [f64; 3] = [0.75, 0.65, 0.9];
+/// Bytes of the base, of --bytes (docs/experiments/2026-11-29-classes.md), of one of constant colors (docs/experiments/2026-11-28-run.md),
+/// and of one with harmonics, which gives up bands later (docs/experiments/2026-11-30-demotion.md).
+const BASE_BYTES: [f64; 3] = [0.75, 0.65, 1.25];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Preset {
@@ -115,7 +114,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
     /// Degree of the harmonics of all Gaussians of the base, 0 to 3. With 0, those that gain by bands get them
-    /// when lobes are placed [default: those that gain by bands get them early in the training]
+    /// when lobes are placed; with others, those that show little by them lose them then [default: those that
+    /// gain by bands get them early in the training]
     #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: Option<u32>,
     /// Start over even if the folder has another run
@@ -192,7 +192,9 @@ impl Args {
         })?;
         let most = fit.min(most_gaussians(pixels).max(points)) as u64;
         let all = default_gaussians(points, pixels) as u64 * gaussian_bytes(3, false);
-        Ok(all.min(most * gaussian_bytes(sh_degree, false)))
+        // A base with harmonics is larger than the scene.
+        let share = if sh_degree > 0 { BASE_BYTES[2] } else { 1.0 };
+        Ok(all.min(((most * gaussian_bytes(sh_degree, false)) as f64 / share) as u64))
     }
 
     fn steps(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs, bytes: u64) -> Result<Vec<Step>> {
@@ -200,7 +202,7 @@ impl Args {
         let [base, scene, trained, enhanced] = [BASE, SCENE, TRAINED, ENHANCED].map(at);
         let named = |name: &str, path: &Path| [OsString::from(name), path.into()].join(OsStr::new("="));
         let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
-        let (base_options, left) = shares(bytes, self.sh_degree, points)?;
+        let (base_options, rest) = shares(bytes, self.sh_degree, points)?;
         let mut enhance = words(["enhance"], [path]);
         enhance.extend(words(["--base"], [&base]).into_iter().chain(words(["-o"], [&scene])));
         let length = match self.time {
@@ -214,7 +216,7 @@ impl Args {
         let mut train = words(["train"], [path]);
         train.extend(base_options.into_iter().chain(length).map(OsString::from));
         train.extend(words(["-o"], [&base]));
-        enhance.extend(["--bytes".into(), left.to_string().into()]);
+        enhance.extend(rest.map(OsString::from));
         let mut report = words(["report"], [path]);
         report.extend([named("base", &base), named("scene", &scene)]);
         report.extend(words(["-o"], [at(REPORT)]));
@@ -332,8 +334,8 @@ impl Step {
     }
 }
 
-/// Options for the size of a base that starts from up to `points` sparse points, and the bytes left for the augmentation.
-fn shares(bytes: u64, sh_degree: Option<u32>, points: usize) -> Result<(Vec<String>, u64)> {
+/// Options for the size of a base that starts from up to `points` sparse points, and for that of its augmentation.
+fn shares(bytes: u64, sh_degree: Option<u32>, points: usize) -> Result<(Vec<String>, [String; 2])> {
     let [mixed, constant, banded] = BASE_BYTES.map(|share| (share * bytes as f64) as u64);
     let (base, one) = match sh_degree {
         None => (mixed, gaussian_bytes(3, false)),
@@ -345,18 +347,18 @@ fn shares(bytes: u64, sh_degree: Option<u32>, points: usize) -> Result<(Vec<Stri
         let what = format!("a scene of {bytes} bytes has no room for a base, because a Gaussian takes {one} (--bytes)");
         return Err(Error::Usage(what));
     }
-    Ok(match sh_degree {
-        None => (vec!["--bytes".into(), base.to_string()], bytes - base),
-        Some(degree) => {
-            let mut options =
-                vec!["--sh-degree".into(), degree.to_string(), "--gaussians".into(), gaussians.to_string()];
-            // The strategy places the other half where errors are large.
-            if points as u64 > gaussians / 2 {
-                options.extend(["--points".into(), (gaussians / 2).max(1).to_string()]);
-            }
-            (options, bytes - gaussians * one)
-        }
-    })
+    let (mut options, rest) = match sh_degree {
+        None => (vec!["--bytes".into(), base.to_string()], ("--bytes", bytes - base)),
+        Some(degree) => (
+            vec!["--sh-degree".into(), degree.to_string(), "--gaussians".into(), gaussians.to_string()],
+            if degree == 0 { ("--bytes", bytes - gaussians * one) } else { ("--total-bytes", bytes) },
+        ),
+    };
+    // The strategy places the other half where errors are large.
+    if sh_degree.is_some() && points as u64 > gaussians / 2 {
+        options.extend(["--points".into(), (gaussians / 2).max(1).to_string()]);
+    }
+    Ok((options, [rest.0.into(), rest.1.to_string()]))
 }
 
 fn read_json(path: &Path) -> Result<Value> {
@@ -428,11 +430,14 @@ mod tests {
 
     #[test]
     fn bytes_are_shared_between_base_and_augmentation() {
-        let of =
-            |sh_degree| shares(1_000_000, sh_degree, 4000).map(|(options, left)| (options.join(" "), left)).unwrap();
-        assert_eq!(of(None), ("--bytes 750000".into(), 250_000));
-        assert_eq!(of(Some(0)), ("--sh-degree 0 --gaussians 9558".into(), 1_000_000 - 9_558 * 68));
-        assert_eq!(of(Some(3)), ("--sh-degree 3 --gaussians 3629 --points 1814".into(), 1_000_000 - 3_629 * 248));
+        let of = |sh_degree| {
+            let (base, rest) = shares(1_000_000, sh_degree, 4000).unwrap();
+            [base.join(" "), rest.join(" ")]
+        };
+        let left = 1_000_000 - 9_558 * 68;
+        assert_eq!(of(None), ["--bytes 750000", "--bytes 250000"]);
+        assert_eq!(of(Some(0)), ["--sh-degree 0 --gaussians 9558".into(), format!("--bytes {left}")]);
+        assert_eq!(of(Some(3)), ["--sh-degree 3 --gaussians 5040 --points 2520", "--total-bytes 1000000"]);
         assert!(shares(100, Some(0), 0).unwrap_err().to_string().contains("a Gaussian takes 68"));
         assert!(shares(300, None, 0).is_err());
     }

@@ -34,8 +34,8 @@ pub const WORTH: f64 = 0.05;
 /// Part of the squared error that bands must prevent to be kept by [`demote`], relative to their part of the bytes
 /// (docs/experiments/2026-11-30-demotion.md).
 pub const WORTH_KEEPING: f64 = 8.0;
-/// Part of the bytes that a base takes at most when bands are removed; the rest is for added Gaussians. It is that of `glint run`.
-pub const BASE_PART: f64 = 0.75;
+/// Part of the bytes that a base takes at most when bands are removed; the rest is for added Gaussians.
+pub const BASE_PART: f64 = 0.85;
 /// Before the division Gaussians grow as if this share of them were to get bands of the highest degree, so that any division fits.
 pub const ASSUMED: f64 = 0.3;
 /// Name in a checkpoint.

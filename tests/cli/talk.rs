@@ -180,8 +180,8 @@ fn an_augmented_scene_can_be_smaller_than_its_base() {
     let number = |name: &str| report[name].as_u64().unwrap();
     let (info, lost) = (work.json("info a.ply --json"), number("demoted_gaussians"));
     assert_eq!(info["banded"].as_u64().unwrap_or_default(), 300 - lost, "{report} {info}");
-    // Three quarters of the bytes for the base: bands of 36 bytes for at most 37 Gaussians. Fits to 3 photos miss the fourth.
-    assert!(lost >= 263 && number("supplementary_gaussians") > 0, "{report}");
+    // The base takes at most 0.85 of them: bands of 36 bytes for 118 Gaussians. Fits to 3 photos miss the fourth.
+    assert!(lost >= 182 && number("supplementary_gaussians") > 0, "{report}");
     let base = 20_400 + 36 * (300 - lost);
     assert_eq!(report["plan"]["bytes_allowed"], 29_000 - base);
     // A header of 2 KB.
