@@ -50,10 +50,11 @@ pub(super) mod report;
 const EXAMPLES: &str = "\
 Gaussians are placed to reduce the squared error of all training photos most: with a lobe, so that their opacity depends on \
 the viewing direction, or plain if those gain more. Then everything learns together with the base. The tightest of --ratio, \
---bytes and --time holds. Without --ratio and --bytes, Gaussians are added until another one would gain less than the same \
-time of longer training. The plan is printed first: the gain of each kind, and the candidates left out, with reasons. Only \
-training photos are used; the gain is then measured on the test photos. --method augs is the paper's method: it fits 2D \
-Gaussians to the base's errors in each photo, lifts them into the scene and optimizes them together with the base's opacities.
+--bytes or --total-bytes, and --time holds. Without --ratio, --bytes and --total-bytes, Gaussians are added until another one \
+would gain less than the same time of longer training. The plan is printed first: the gain of each kind, and the candidates \
+left out, with reasons. Only training photos are used; the gain is then measured on the test photos. --method augs is the \
+paper's method: it fits 2D Gaussians to the base's errors in each photo, lifts them into the scene and optimizes them together \
+with the base's opacities.
 
 If the base has constant colors (train --sh-degree 0), Gaussians that gain by bands of harmonics get them. In the same bytes \
 such a base has 3.6 times as many Gaussians as one of degree 3.
@@ -62,6 +63,7 @@ Examples:
   glint enhance garden --base base.ply -o augmented.ply
   glint enhance garden --base point_cloud.ply -o augmented.ply --ratio 0.05 --max-size 800
   glint enhance garden --base base.ply -o augmented.ply --bytes 2MB --time 60s
+  glint enhance garden --base point_cloud.ply -o augmented.ply --total-bytes 25MB
   glint enhance garden --base base.ply -o augmented.ply --method augs --preset quick
 
 A checkpoint, augmented.checkpoint.safetensors, is saved every minute, on an error and on Ctrl-C. It has the state of the \

@@ -207,7 +207,8 @@ impl Rig {
 }
 
 impl Bands {
-    /// Searches the base of `scene`, whose bands count as not yet given, in all photographs of `views` with their sides halved `halvings` times. Waits.
+    /// Searches the base of `scene` in all photographs of `views` with their sides halved `halvings` times. For a Gaussian that has bands,
+    /// the gain is what it would lose without them. Waits.
     ///
     /// # Errors
     /// [`Error::Usage`] if the scene is empty or its colors are not harmonics, or there are no views; otherwise an error of the device.

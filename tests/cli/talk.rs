@@ -167,9 +167,7 @@ fn constant_colors_get_bands_where_they_pay() {
     assert_eq!(whole, report["gain"]["after"]);
 }
 
-/// The plan is printed before it is executed, also in JSON and in the report; the result stays within every
-/// budget.
-/// A base that is larger than all may be in the end gives up bands, and what is added takes part of their bytes.
+/// A base may be larger than the whole result: it loses bands, and added Gaussians take part of their bytes.
 #[test]
 fn an_augmented_scene_can_be_smaller_than_its_base() {
     let work = Work::small();
@@ -193,6 +191,8 @@ fn an_augmented_scene_can_be_smaller_than_its_base() {
     assert!(said.contains("300 Gaussians take 20400 bytes without bands, expected at most 20000"), "{said}");
 }
 
+/// The plan is printed before it is executed, also in JSON and in the report; the result stays within every
+/// budget.
 #[test]
 fn an_augmentation_has_a_plan_and_keeps_to_it() {
     let work = Work::new();

@@ -249,7 +249,7 @@ fn bands_are_found_where_colors_depend_on_the_view_and_gain_what_they_promise() 
     }
 }
 
-/// What shows nothing loses its bands, and what must fit in fewer bytes loses those that show least. Nothing else changes.
+/// Bands that show nothing are removed. If the bytes are fewer, those that show least follow. Nothing else changes.
 #[test]
 fn bands_that_show_nothing_are_removed_and_then_those_that_show_least() {
     let gpu = Gpu::new();
