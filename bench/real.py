@@ -7,9 +7,9 @@
 Rows of a dataset and seed:
 
 - 0, 1, 2, 3: `glint train` with harmonics of this degree and as many Gaussians as fit the bytes;
-- bytes: `glint train --bytes`, which gives bands to some Gaussians;
-- run: `glint train --bytes` with a share of the bytes, then `glint enhance --bytes` with the rest, as `glint run` does;
-- run0: `glint train --sh-degree 0` with a share of the bytes, then the same;
+- bytes: `glint train --bytes`, which leaves bands to some Gaussians;
+- run: `glint train --bytes` with a share of the bytes, then `glint enhance --total-bytes` with all, as `glint run` does;
+- run0: `glint train --sh-degree 0` with a share of the bytes, then `glint enhance --bytes` with the rest;
 - run1, run2, run3: `glint train` with more than the bytes, then `glint enhance --total-bytes`, as `glint run --sh-degree` does.
 
 Rows without `enhance` take 30 steps more for each training photo, like its joint phase. Each finished row is a JSON line in
@@ -27,7 +27,7 @@ import time
 GAUSSIAN_BYTES = {0: 68, 1: 104, 2: 164, 3: 248}
 JOINT_STEPS = 30
 # Of the bytes, for the base; as in src/cli/run.rs.
-SHARES = {None: 0.75, 0: 0.65, 1: 1.25, 2: 1.25, 3: 1.25}
+SHARES = {None: 0.85, 0: 0.65, 1: 1.25, 2: 1.25, 3: 1.25}
 UNITS = {"GB": 1e9, "MB": 1e6, "kB": 1e3}
 
 
@@ -88,7 +88,7 @@ def measure(args, dataset, row, seed):
         if row.startswith("run"):
             of_base = int(SHARES[degree] * args.bytes)
             size = train(args, photos, info, base, degree, of_base, args.steps, seed)
-            budget = ["--total-bytes", str(args.bytes)] if degree else ["--bytes", str(args.bytes - size)]
+            budget = ["--total-bytes", str(args.bytes)] if degree != 0 else ["--bytes", str(args.bytes - size)]
             added = glint(args, "enhance", *photos, "--base", base, "-o", scene, *budget, "--seed", str(seed), "--json")
             more = {key: added[key] for key in ("plain_gaussians", "supplementary_gaussians", "banded_gaussians", "demoted_gaussians")}
             more["phases"] = added["seconds"]

@@ -54,7 +54,7 @@ pub fn train(dataset: &Path, output: &Path, iterations: u32) -> Result<f32> {
     let extent = dataset.extent() as f32;
     let session = Session { background: dataset.background, extent, ..Session::new(&context) };
     let density = DensityOptions { strategy: Strategy::Budget, limit, first, iterations };
-    let mut trainer = dense_trainer(&session, &model, &views, &options, &[density])?;
+    let mut trainer = dense_trainer(&session, &model, &views, &options, &density)?;
     let report = trainer.run(&model, &views, false, |done| {
         if done.is_multiple_of(1000) {
             println!("{done} of {iterations} steps");

@@ -205,8 +205,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
     /// Maximum size of all Gaussians in the file, such as 25MB, in place of that of the added ones. Bands of harmonics that
-    /// prevent little error are removed from the base, and added Gaussians take their bytes. Viewers that do not know this
-    /// format show constant colors
+    /// prevent little error are removed from the base, and added Gaussians take their bytes; a base of train --bytes keeps
+    /// its bands if it leaves room. Viewers that do not know this format show constant colors
     #[arg(long, value_name = "BYTES", value_parser = units::bytes, conflicts_with = "bytes")]
     #[serde(skip_serializing_if = "Option::is_none")]
     total_bytes: Option<u64>,
@@ -342,8 +342,8 @@ impl Args {
         if let Some(total) = self.total_bytes {
             let bar = Progress::new("weighing bands", "steps", 1);
             let demoted = demote(&session, scene, &views, total, |[done, all]| bar.set_of(done.into(), all.into()))?;
-            task.options.bytes = Some(total.saturating_sub(scene_bytes(&demoted)));
-            task.demoted = Some(demoted);
+            task.options.bytes = Some(total.saturating_sub(scene_bytes(demoted.as_ref().unwrap_or(scene))));
+            task.demoted = demoted;
         }
         let (base, options) = (task.to_augment(), &task.options);
         // A run by time has another number of steps each time, so it has no checkpoint.

@@ -63,9 +63,9 @@ const CURVE: u32 = 5;
 
 /// Share of --time for the base and for the augmentation; not tuned. The rest is for report and page.
 const TIME: [f64; 2] = [0.55, 0.35];
-/// Bytes of the base, of --bytes (docs/experiments/2026-11-29-classes.md), of one of constant colors (docs/experiments/2026-11-28-run.md),
+/// Bytes of the base, of --bytes (docs/experiments/2026-11-30-number.md), of one of constant colors (docs/experiments/2026-11-28-run.md),
 /// and of one with harmonics, which gives up bands later (docs/experiments/2026-11-30-demotion.md).
-const BASE_BYTES: [f64; 3] = [0.75, 0.65, 1.25];
+const BASE_BYTES: [f64; 3] = [0.85, 0.65, 1.25];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Preset {
@@ -114,8 +114,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "BYTES", value_parser = units::bytes)]
     bytes: Option<u64>,
     /// Degree of the harmonics of all Gaussians of the base, 0 to 3. With 0, those that gain by bands get them
-    /// when lobes are placed; with others, those that show little by them lose them then [default: those that
-    /// gain by bands get them early in the training]
+    /// when lobes are placed; with others, those that show little by them lose them then [default: 3 in
+    /// training, near the end of which those that show little by them lose them]
     #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(0..=3))]
     sh_degree: Option<u32>,
     /// Start over even if the folder has another run
@@ -181,20 +181,24 @@ impl Args {
         Ok((workspace, Some(images)))
     }
 
-    /// Size of the scene if none is given. Constant colors, which are taken if no degree is given, take fewer bytes, so the number of
-    /// Gaussians is limited by itself.
+    /// Size of the scene if none is given. Gaussians with constant colors, of which a base without a degree may consist in the end, take fewer
+    /// bytes, so their number is limited by itself.
     fn default_bytes(&self, dataset: &Dataset) -> Outcome<u64> {
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
-        let sh_degree = self.sh_degree.unwrap_or(0);
+        let sh_degree = self.sh_degree.unwrap_or(3);
         let fit = self.device.with_unchecked(|context| {
             Ok(fit(context.memory_at_most(), learning_bytes(sh_degree, false, true).iter().sum(), pixels))
         })?;
         let most = fit.min(most_gaussians(pixels).max(points)) as u64;
         let all = default_gaussians(points, pixels) as u64 * gaussian_bytes(3, false);
-        // A base with harmonics is larger than the scene.
-        let share = if sh_degree > 0 { BASE_BYTES[2] } else { 1.0 };
-        Ok(all.min(((most * gaussian_bytes(sh_degree, false)) as f64 / share) as u64))
+        let (one, share) = match self.sh_degree {
+            None => (gaussian_bytes(0, false), BASE_BYTES[0]),
+            Some(0) => (gaussian_bytes(0, false), 1.0),
+            // A base with harmonics is larger than the scene.
+            Some(degree) => (gaussian_bytes(degree, false), BASE_BYTES[2]),
+        };
+        Ok(all.min(((most * one) as f64 / share) as u64))
     }
 
     fn steps(&self, path: &Path, dataset: &Dataset, photos: &PhotoArgs, bytes: u64) -> Result<Vec<Step>> {
@@ -347,13 +351,11 @@ fn shares(bytes: u64, sh_degree: Option<u32>, points: usize) -> Result<(Vec<Stri
         let what = format!("a scene of {bytes} bytes has no room for a base, because a Gaussian takes {one} (--bytes)");
         return Err(Error::Usage(what));
     }
-    let (mut options, rest) = match sh_degree {
-        None => (vec!["--bytes".into(), base.to_string()], ("--bytes", bytes - base)),
-        Some(degree) => (
-            vec!["--sh-degree".into(), degree.to_string(), "--gaussians".into(), gaussians.to_string()],
-            if degree == 0 { ("--bytes", bytes - gaussians * one) } else { ("--total-bytes", bytes) },
-        ),
+    let mut options = match sh_degree {
+        None => vec!["--bytes".into(), base.to_string()],
+        Some(degree) => vec!["--sh-degree".into(), degree.to_string(), "--gaussians".into(), gaussians.to_string()],
     };
+    let rest = if sh_degree == Some(0) { ("--bytes", bytes - gaussians * one) } else { ("--total-bytes", bytes) };
     // The strategy places the other half where errors are large.
     if sh_degree.is_some() && points as u64 > gaussians / 2 {
         options.extend(["--points".into(), (gaussians / 2).max(1).to_string()]);
@@ -435,10 +437,10 @@ mod tests {
             [base.join(" "), rest.join(" ")]
         };
         let left = 1_000_000 - 9_558 * 68;
-        assert_eq!(of(None), ["--bytes 750000", "--bytes 250000"]);
+        assert_eq!(of(None), ["--bytes 850000", "--total-bytes 1000000"]);
         assert_eq!(of(Some(0)), ["--sh-degree 0 --gaussians 9558".into(), format!("--bytes {left}")]);
         assert_eq!(of(Some(3)), ["--sh-degree 3 --gaussians 5040 --points 2520", "--total-bytes 1000000"]);
         assert!(shares(100, Some(0), 0).unwrap_err().to_string().contains("a Gaussian takes 68"));
-        assert!(shares(300, None, 0).is_err());
+        assert!(shares(290, None, 0).is_err());
     }
 }

@@ -170,9 +170,9 @@ struct ModelArgs {
     #[arg(long, value_name = "N", value_parser = units::count(1..=u32::MAX), alias = "cap-max")]
     gaussians: Option<u32>,
     /// Maximum size of the Gaussians in the file, such as 25MB, instead of their number and the degree of
-    /// their harmonics. Colors are constant at first; after an eighth of the run those Gaussians get bands of
-    /// harmonics that gain more by them than further Gaussians of the same bytes would gain. Viewers that do
-    /// not know this format show the constant colors
+    /// their harmonics. All learn bands of harmonics; their number follows from how many need them. Near the
+    /// end of the run the others lose theirs, so that until then the scene is up to 3.6 times as large. Viewers
+    /// that do not know this format show constant colors
     #[arg(long, value_name = "BYTES", value_parser = units::bytes, conflicts_with_all = ["gaussians", "sh_degree"])]
     #[serde(skip_serializing_if = "Option::is_none")]
     bytes: Option<u64>,
@@ -208,7 +208,7 @@ struct Report<'a> {
     gaussians: usize,
     /// Degree of the harmonics; `None` for other color models.
     sh_degree: Option<u32>,
-    /// With --bytes: Gaussians with bands of this degree; the others have none.
+    /// With --bytes: Gaussians that keep bands of this degree; the others have none.
     #[serde(skip_serializing_if = "Option::is_none")]
     banded: Option<usize>,
     #[serde(flatten)]
@@ -333,9 +333,9 @@ impl Args {
         // The check comes after memory has limited the number of Gaussians.
         let control = course.density(self.iterations);
         let most = course.most.max(course.first);
-        let scene = u64::from(most) * gaussian_bytes(course.sh_degree, false);
+        let size = self.model.bytes.unwrap_or(u64::from(most) * gaussian_bytes(course.sh_degree, false));
         let on_disk = if on == PhotosOn::Disk { photo_bytes(pixels) } else { 0 };
-        check_room(&self.output, scene + on_disk, self.kept_bytes(most, test.as_deref().unwrap_or_default()))?;
+        check_room(&self.output, size + on_disk, self.kept_bytes(most, test.as_deref().unwrap_or_default()))?;
         let session =
             self.common.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
         let (views, checksums) =
@@ -372,7 +372,7 @@ impl Args {
         let resumed = found.as_ref().map_or(0, |found| found.step);
         let had = clock.map_or(resumed, |clock| clock.taken);
         let goes_on = clock.map(|clock| (clock, resumed));
-        let deadline = self.time.map(|time| self.deadline(time, began, most, goes_on));
+        let deadline = self.time.map(|time| self.deadline(time, began, size, goes_on));
         let mut deadline = deadline.transpose()?;
         if let Some(deadline) = &mut deadline {
             deadline.costs(cost);
@@ -464,17 +464,10 @@ impl Args {
         learning_bytes(self.degree(), packed, self.model.strategy.is_newton())
     }
 
-    /// Deadline of a run of length `time`, which began reading at `began`, minus the time to write the
-    /// scene. A resumed run has the time that was left, possibly none.
-    fn deadline(
-        &self,
-        time: Duration,
-        began: Instant,
-        gaussians: u32,
-        goes_on: Option<(Clock, u32)>,
-    ) -> Result<Deadline> {
-        let bytes = u64::from(gaussians) * gaussian_bytes(self.degree(), false);
-        let writing = Duration::from_secs_f64(bytes as f64 / WRITTEN_PER_SECOND).min(time / 10);
+    /// Deadline of a run of length `time`, which began reading at `began`, minus the time to write a scene of
+    /// `size` bytes. A resumed run has the time that was left, possibly none.
+    fn deadline(&self, time: Duration, began: Instant, size: u64, goes_on: Option<(Clock, u32)>) -> Result<Deadline> {
+        let writing = Duration::from_secs_f64(size as f64 / WRITTEN_PER_SECOND).min(time / 10);
         let (now, left) = (Instant::now(), time - writing);
         if let Some((Clock { total, milliseconds, .. }, step)) = goes_on {
             let left = left.saturating_sub(Duration::from_millis(milliseconds));
@@ -494,7 +487,7 @@ impl Args {
     fn degree(&self) -> u32 {
         match (self.model.color, self.model.bytes) {
             (ColorArg::Sb, _) => color::BETAS,
-            (ColorArg::Sh, Some(_)) => 0,
+            (ColorArg::Sh, Some(_)) => BaseOptions::default().sh_degree,
             (ColorArg::Sh, None) => self.model.sh_degree,
         }
     }

@@ -68,6 +68,12 @@ impl Promotion {
         order
     }
 
+    /// Leaves those with the greatest gains, in at most `most` bytes.
+    pub(super) fn limit(&mut self, most: u64) {
+        let fits = most.checked_div(band_bytes(self.degree)).unwrap_or(0);
+        self.gains.truncate(usize::try_from(fits).unwrap_or(usize::MAX));
+    }
+
     /// Size of the bands in a file.
     pub fn bytes(&self) -> u64 {
         self.gains.len() as u64 * band_bytes(self.degree)
@@ -311,8 +317,9 @@ impl Bands {
         let mut gains = self.fitted[d].gains.clone();
         gains.retain(|found| f64::from(found.gain) > least * each as f64);
         gains.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.number.cmp(&b.number)));
-        gains.truncate(usize::try_from(most / each).unwrap_or(usize::MAX));
-        Promotion { degree, gains }
+        let mut promotion = Promotion { degree, gains };
+        promotion.limit(most);
+        promotion
     }
 
     /// `base` with the bands of a promotion, see [`Promotion::order`].

@@ -62,8 +62,8 @@ struct Training {
     background: [f32; 3],
     /// Seed of random backgrounds.
     seed: u64,
-    /// One for each learner, if the number of Gaussians changes.
-    density: Vec<Density>,
+    /// Density control of the base.
+    density: Option<Density>,
     exposure: Option<Exposure>,
     /// The number of Gaussians in a segment may change during the loop.
     varies: bool,
@@ -139,7 +139,7 @@ impl Trainer {
                 plan: Box::new(plan),
                 background: session.background,
                 seed: session.seed,
-                density: Vec::new(),
+                density: None,
                 exposure: None,
                 varies: false,
                 newton,
@@ -309,7 +309,7 @@ impl Trainer {
         done: u32,
     ) -> Result<()> {
         let (schedule, plan) = course(session, views, options, density);
-        for control in &mut self.work.density {
+        if let Some(control) = &mut self.work.density {
             control.replan(options.iterations);
         }
         self.follow(session, schedule, plan, done)
@@ -486,17 +486,17 @@ impl Looped for On<'_> {
             if let Some(exposure) = &training.exposure {
                 exposure.record_step(recorder, views, view, f64::from(step) / f64::from(training.total()), status);
             }
-            if let Some(density) = training.density.first() {
+            if let Some(density) = &training.density {
                 density.record_errors(recorder, step, &seen, (&grid, &batch));
+                density.record_scores(recorder, step, &seen);
             }
-            training.density.iter().for_each(|density| density.record_scores(recorder, step, &seen));
         }
         if several {
             for learner in &training.learners {
                 learner.record_adam(recorder, model, degree, &rates, step, status);
             }
         }
-        for (density, learner) in training.density.iter().zip(&training.learners) {
+        if let (Some(density), Some(learner)) = (&training.density, training.learners.first()) {
             density.record(recorder, model, &learner.moments, &rates, step, status);
         }
         Ok(())
@@ -614,37 +614,35 @@ impl BaseOptions {
 /// Their number is fixed.
 pub fn base_trainer(session: &Session, model: &Model, views: &Views, options: &BaseOptions) -> Result<Trainer> {
     let fixed = DensityOptions { strategy: Strategy::Fixed, limit: 0, first: 0, iterations: options.iterations };
-    dense_trainer(session, model, views, options, &[fixed])
+    dense_trainer(session, model, views, options, &fixed)
 }
 
-/// A loop of `options.iterations` steps with density control: of the base, or of a [mixed](crate::scene::Scene::mixed)
-/// scene's Gaussians with a constant color and of those with bands. `model` needs room for the `limit` of each.
+/// A loop of `options.iterations` steps with density control. `model` needs room for its `limit`. In a [mixed](crate::scene::Scene::mixed) scene
+/// the number of Gaussians is fixed, and density control only sets the rates.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is less room, or the strategies differ; otherwise an error of the device.
+/// [`Error::Usage`] if there is less room; otherwise an error of the device.
 pub fn dense_trainer(
     session: &Session,
     model: &Model,
     views: &Views,
     options: &BaseOptions,
-    density: &[DensityOptions],
+    density: &DensityOptions,
 ) -> Result<Trainer> {
-    let strategy = density.first().map_or(Strategy::Fixed, |control| control.strategy);
-    if density.is_empty() || density.len() > 2 || density.iter().any(|control| control.strategy != strategy) {
-        return Err(Error::Usage("density control is one strategy for the base, or for its two classes".into()));
-    }
+    let strategy = density.strategy;
     let Policy { compensate, packed, .. } = session.policy;
     let newton = strategy.is_newton();
-    let segments = || [Segment::Base, Segment::Banded].into_iter().zip(density);
-    let lesson = |(segment, _)| Lesson { compensate, packed, newton, ..Lesson::new(segment) };
-    let lessons: Vec<Lesson> = segments().map(lesson).collect();
-    let (schedule, plan) = course(session, views, options, &density[0]);
+    let mixed = model.has(Segment::Banded);
+    let segments = [Segment::Base, Segment::Banded].into_iter().take(if mixed { 2 } else { 1 });
+    let lesson = |segment| Lesson { compensate, packed, newton, ..Lesson::new(segment) };
+    let lessons: Vec<Lesson> = segments.map(lesson).collect();
+    let (schedule, plan) = course(session, views, options, density);
     let mut trainer = Trainer::new(session, model, views, &lessons, schedule, 1, plan)?;
-    if strategy.kernel().is_some() {
-        for (segment, control) in segments() {
-            let control = Density::new(session, model, segment, trainer.raster(), control)?;
-            trainer.work.density.push(control);
-        }
+    if mixed {
+        // The number of a checkpoint.
+        trainer.let_counts_vary();
+    } else if strategy.kernel().is_some() {
+        trainer.work.density = Some(Density::new(session, model, Segment::Base, trainer.raster(), density)?);
         if strategy.follows_errors() {
             trainer.work.renderer.raster.make_scores()?;
         }

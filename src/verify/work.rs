@@ -41,7 +41,7 @@ pub fn work(
     let model = Model::upload_around(&session.context, views.origin, scene, room)?;
     let options = BaseOptions { iterations: STEPS, sh_degree: scene.base.sh_degree, begins: LEARNED };
     let density = DensityOptions { strategy: Strategy::Budget, limit, first, iterations: STEPS };
-    dense_trainer(&session, &model, &views, &options, &[density])?.run(&model, &views, false, &mut progress)?;
+    dense_trainer(&session, &model, &views, &options, &density)?.run(&model, &views, false, &mut progress)?;
     let (device, rates, rows) = (context.info().clone(), bench.rates, bench.into_rows());
     Ok(Report { device, rates, rows, seconds: start.elapsed().as_secs_f64() })
 }

@@ -244,17 +244,19 @@ fn exposures_and_betas_that_were_killed_go_on_to_the_same_bits() {
     assert_eq!(told(&report), told(&whole));
 }
 
-/// Kills before some Gaussians get bands, and after.
+/// Kills before the number of Gaussians is known, after, and once some have lost their bands.
 #[test]
 fn training_within_bytes_that_was_killed_goes_on_to_the_same_bits() {
     let work = Work::new();
     let train = "train data --bytes 100kB --exposure --halvings 1 --iterations 160 --deterministic";
     let whole = work.json(&format!("{train} -o whole.ply --json"));
-    let is_divided = || fs::read(work.path(CHECKPOINT)).unwrap().windows(7).any(|name| name == b"banded.");
+    let has = |name: &[u8; 7]| fs::read(work.path(CHECKPOINT)).unwrap().windows(7).any(|found| found == name);
     work.killed(&format!("{train} -o out.ply"), CHECKPOINT);
-    assert!(!is_divided());
-    while !is_divided() {
-        work.killed(&format!("{train} -o out.ply"), CHECKPOINT);
+    assert!(!has(b"classes"));
+    for name in [b"classes", b"banded."] {
+        while !has(name) {
+            work.killed(&format!("{train} -o out.ply"), CHECKPOINT);
+        }
     }
     let report = work.json(&format!("{train} -o out.ply --json"));
     assert!((1..160).contains(&report["iterations_resumed"].as_u64().unwrap()), "{report}");

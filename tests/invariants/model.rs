@@ -257,7 +257,7 @@ fn a_run_takes_612_bytes_and_436_with_packed_moments_beside_its_intersections() 
             let model = Model::upload(&gpu, &scene, 0).unwrap();
             let density = DensityOptions { strategy: Strategy::Budget, limit: count, first: count, iterations: 10 };
             let options = BaseOptions { iterations: 10, sh_degree: 3, ..Default::default() };
-            let trainer = dense_trainer(&session, &model, &views, &options, &[density]).unwrap();
+            let trainer = dense_trainer(&session, &model, &views, &options, &density).unwrap();
             let used = gpu.memory().used;
             drop(trainer);
             used

@@ -99,7 +99,7 @@ impl Setup {
         let scene = Scene { base, ..Default::default() };
         let model = Model::upload_around(&self.session.context, self.views.origin, &scene, room).unwrap();
         let options = BaseOptions { iterations, sh_degree: 1, ..Default::default() };
-        let mut trainer = dense_trainer(&self.session, &model, &self.views, &options, &[density]).unwrap();
+        let mut trainer = dense_trainer(&self.session, &model, &self.views, &options, &density).unwrap();
         if exposure {
             trainer.correct_exposure(&self.session, &self.views).unwrap();
         }

@@ -139,7 +139,7 @@ fn what_is_done_by_default_is_worth_its_decibels() {
     let first = Scene { base, ..Default::default() };
     let model = Model::upload_around(&gpu, views.origin, &first, Room { base: 1500, ..Default::default() }).unwrap();
     let options = BaseOptions { iterations: 300, sh_degree: 3, ..Default::default() };
-    let mut trainer = dense_trainer(&session, &model, &views, &options, &[density]).unwrap();
+    let mut trainer = dense_trainer(&session, &model, &views, &options, &density).unwrap();
     trainer.run(&model, &views, false, |_| ()).unwrap();
     let base = model.download().unwrap();
     // The bar's PSNR over the last pass equals that of the photos, except for the progress during the pass:

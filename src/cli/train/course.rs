@@ -18,7 +18,7 @@ use crate::{
     gpu::Memory,
     pipelines::{
         checkpoint::{Checkpoint, Clock},
-        classes::{Classes, DIVIDED_AT, divide},
+        classes::{Classes, DEMOTED_AT, MEASURED_AT, divide, measure},
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
         model::{Model, Room},
@@ -48,38 +48,34 @@ pub(super) struct Course {
     pub(super) bytes: Option<u64>,
     /// Colors and moments lie in the host's memory.
     pub(super) host: bool,
-    /// With --bytes, once Gaussians have bands.
+    /// With --bytes, once the number of Gaussians is known.
     pub(super) classes: Option<Classes>,
 }
 
 impl Course {
     pub(super) fn options(&self, iterations: u32) -> BaseOptions {
-        let sh_degree = self.classes.map_or(self.sh_degree, |classes| classes.degree);
+        let sh_degree = self.classes.map_or(self.sh_degree, |classes| classes.degree());
         BaseOptions { iterations, sh_degree, begins: self.begins }
     }
 
-    /// Density control; with --bytes until some Gaussians get bands.
+    /// Density control.
     pub(super) fn density(&self, iterations: u32) -> DensityOptions {
-        let limit = self.bytes.map_or(self.most, |bytes| Classes::at_first(bytes).max(self.first));
-        DensityOptions { strategy: self.strategy, limit, first: self.first, iterations }
+        let limit = self.bytes.map_or(self.most, |bytes| self.most.min(Classes::at_first(bytes)).max(self.first));
+        let before = DensityOptions { strategy: self.strategy, limit, first: self.first, iterations };
+        self.classes.map_or(before, |classes| classes.control(&before))
     }
 
-    /// Density control of the base, or of its two classes.
-    pub(super) fn controls(&self, iterations: u32) -> Vec<DensityOptions> {
-        let before = self.density(iterations);
-        match (self.bytes, self.classes) {
-            (Some(bytes), Some(classes)) => classes.controls(&before, bytes),
-            _ => vec![before],
-        }
-    }
-
-    /// Steps of a run of `iterations` after which Gaussians get bands, if they have not yet.
+    /// Steps of a run of `iterations` after which [`Training::divide`] is due, if it is once more.
     fn divides_at(&self, iterations: u32) -> Option<u32> {
-        let step = (DIVIDED_AT * f64::from(iterations)).ceil() as u32;
-        self.bytes.filter(|_| self.classes.is_none()).map(|_| step)
+        let after = match self.classes {
+            None => MEASURED_AT,
+            Some(Classes { parts: None, .. }) => DEMOTED_AT,
+            Some(_) => return None,
+        };
+        self.bytes.map(|_| (after * f64::from(iterations)).ceil() as u32)
     }
 
-    /// The loop of a run, on the model of `scene`, or on one for the classes that the scene has been divided into.
+    /// The loop of a run, on the model of `scene`, or on one for its classes once they are known.
     pub(super) fn engine(
         &self,
         args: &Args,
@@ -88,18 +84,18 @@ impl Course {
         scene: &Scene,
         iterations: u32,
     ) -> Result<(Model, Trainer)> {
-        let (controls, host) = (self.controls(iterations), self.host);
+        let (control, host) = (self.density(iterations), self.host);
         let model = match self.classes {
             None => {
-                let room = Room { base: controls[0].limit.saturating_sub(self.first), host, ..Default::default() };
+                let room = Room { base: control.limit.saturating_sub(self.first), host, ..Default::default() };
                 Model::upload_around(&session.context, views.origin, scene, room)?
             }
             Some(classes) => {
-                let (scene, room) = classes.room(scene.origin, &controls, host);
+                let (scene, room) = classes.room(scene.origin, host);
                 Model::upload_around(&session.context, views.origin, &scene, room)?
             }
         };
-        let mut trainer = dense_trainer(session, &model, views, &self.options(iterations), &controls)?;
+        let mut trainer = dense_trainer(session, &model, views, &self.options(iterations), &control)?;
         if args.exposure {
             trainer.correct_exposure(session, views)?;
         }
@@ -210,8 +206,8 @@ impl Training<'_> {
         while !interrupt.asked() {
             let At { done, total, taken } = self.at;
             let divides_at = self.course.divides_at(total);
-            if divides_at.is_some_and(|step| done >= step) {
-                self.divide()?;
+            if let Some(bytes) = self.course.bytes.filter(|_| divides_at.is_some_and(|step| done >= step)) {
+                self.divide(bytes)?;
                 continue;
             }
             let stop = looks_at.map_or(total, |next| total.min(done + (next - taken)));
@@ -233,6 +229,12 @@ impl Training<'_> {
         if interrupt.asked() {
             let found = self.checkpoint();
             self.kept.keep(found)?;
+        }
+        // The time may have ended before.
+        while let (Some(bytes), Some(_), false) =
+            (self.course.bytes, self.course.divides_at(self.at.total), interrupt.asked())
+        {
+            self.divide(bytes)?;
         }
         let scene = self.model.download()?;
         let ended = !(interrupt.asked() && self.at.is_going_on());
@@ -256,7 +258,8 @@ impl Training<'_> {
             halvings => format!(", photos at 1/{}", 1 << halvings),
         };
         let lately = self.trainer.lately(done, self.views.photos as usize);
-        let gaussians = self.trainer.gaussians();
+        let divided = self.course.classes.and_then(|classes| classes.parts);
+        let gaussians = divided.map(|parts| parts.iter().sum()).or_else(|| self.trainer.gaussians());
         self.bar.say(learned(lately, gaussians, &self.session.context) + &small);
         let (gaussians, seconds) = (gaussians.unwrap_or(self.course.first), self.clocks.seconds());
         caller::step(caller::Step { step: taken, steps: all, lately, gaussians, seconds });
@@ -277,20 +280,28 @@ impl Training<'_> {
         Ok(())
     }
 
-    /// Gives bands to the Gaussians that gain by them. Density control continues for both.
-    fn divide(&mut self) -> Result<()> {
+    /// Finds the number of Gaussians, or takes bands that show little.
+    fn divide(&mut self, bytes: u64) -> Result<()> {
         let At { done, total, .. } = self.at;
         let halvings = halvings_at(self.course.options(total).part(done), self.course.halvings);
-        let (classes, divided) = divide(self.session, &self.model, &mut self.trainer, self.views, halvings)?;
+        let (session, model, trainer, views) = (self.session, &self.model, &mut self.trainer, self.views);
+        let (classes, found) = match self.course.classes {
+            None => measure(session, model, trainer, (views, halvings), bytes, self.course.most)?,
+            Some(classes) => divide(session, model, trainer, views, classes, bytes)?,
+        };
         let course = Course { classes: Some(classes), ..self.course };
         let scene = Scene { origin: self.model.scene_origin, ..Scene::default() };
         let (model, mut trainer) = course.engine(self.args, self.session, self.views, &scene, total)?;
-        trainer.resume(&model, &divided, self.timed)?;
-        // Only now: after an error the checkpoint is that of the undivided scene.
+        trainer.resume(&model, &found, self.timed)?;
+        // Only now: after an error the checkpoint is that of the scene before.
         (self.course, self.model, self.trainer) = (course, model, trainer);
-        let Classes { degree, constants, banded } = classes;
         tracing::info!(
-            "after {done} steps: {constants} Gaussians keep constant colors, {banded} get bands of degree {degree}"
+            "{}",
+            match classes.parts {
+                None => format!("after {done} steps: up to {} Gaussians", classes.limit),
+                Some([constants, banded]) =>
+                    format!("after {done} steps: {banded} Gaussians keep their bands, {constants} lose them"),
+            }
         );
         Ok(())
     }
