@@ -12,7 +12,7 @@ use super::{
     learn::sh_moments,
     model::{Model, Room},
     session::Session,
-    train::Trainer,
+    train::{BaseOptions, Trainer, dense_trainer},
     views::Views,
 };
 use crate::{
@@ -27,11 +27,15 @@ use crate::{
 
 /// Fraction of the run after which the share of Gaussians that need bands is measured.
 pub const MEASURED_AT: f64 = 0.2;
+/// Length of the trial without bands then, as a fraction of the run.
+pub const TRIED: f64 = 0.05;
+/// Predicted over true worth of bands for which [`WORTH`] and [`WORTH_KEEPING`] hold.
+pub const USUAL: f64 = 2.7;
 /// Fraction of the run after which bands that show little go. Density control ends there.
 pub const DEMOTED_AT: f64 = BUDGET_SPAN[2];
 /// Part of the squared error that bands must prevent at [`MEASURED_AT`], relative to their part of the bytes. They prevent less than in the
 /// end (docs/experiments/2026-11-30-number.md).
-pub const WORTH: f64 = 0.5;
+pub const WORTH: f64 = 0.7;
 /// Part of the squared error that bands must prevent in the end, relative to their part of the bytes
 /// (docs/experiments/2026-11-30-demotion.md).
 pub const WORTH_KEEPING: f64 = 8.0;
@@ -45,12 +49,14 @@ const CLASSES: &str = "classes";
 const DEGREE: u32 = 3;
 
 /// What is known of the classes of a scene in training.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Classes {
     /// Gaussians when their share with bands was measured.
     pub count: u32,
     /// Maximum number of Gaussians.
     pub limit: u32,
+    /// Predicted over true worth of bands, relative to [`USUAL`].
+    pub worth: f32,
     /// Gaussians without bands and with, after bands went.
     pub parts: Option<[u32; 2]>,
 }
@@ -88,13 +94,18 @@ impl Classes {
     /// Stores them in a checkpoint.
     pub fn keep(&self, checkpoint: &mut Checkpoint) {
         let [constants, banded] = self.parts.unwrap_or_default();
-        checkpoint.put_words(CLASSES.into(), vec![self.count, self.limit, constants, banded]);
+        checkpoint.put_words(CLASSES.into(), vec![self.count, self.limit, self.worth.to_bits(), constants, banded]);
     }
 
     /// Those of a checkpoint; `None` if its scene was not measured.
     pub fn of(checkpoint: &Checkpoint) -> Option<Self> {
-        let &[count, limit, constants, banded] = checkpoint.words(CLASSES)? else { return None };
-        Some(Classes { count, limit, parts: (constants + banded > 0).then_some([constants, banded]) })
+        let &[count, limit, worth, constants, banded] = checkpoint.words(CLASSES)? else { return None };
+        Some(Classes {
+            count,
+            limit,
+            worth: f32::from_bits(worth),
+            parts: (constants + banded > 0).then_some([constants, banded]),
+        })
     }
 }
 
@@ -104,11 +115,28 @@ fn fitting(bytes: u64, share: f64) -> u32 {
     (bytes as f64 / each) as u32
 }
 
+/// What a loop of [`measure`] has in common with that of the run.
+#[derive(Clone, Copy)]
+pub struct Trial<'a> {
+    /// Options of the run.
+    pub options: &'a BaseOptions,
+    /// Density control of the run.
+    pub density: &'a DensityOptions,
+    /// Colors and moments lie in the host's memory.
+    pub host: bool,
+    /// Asked after every submission.
+    pub goes_on: &'a dyn Fn() -> bool,
+}
+
 /// Finds the number of Gaussians for a scene of `bytes`, at most `most`: measures which share of those of a loop on `model` needs bands, in
-/// the photographs with their sides halved `halvings` times. Returns it and a checkpoint. Waits; the loop and the model do not change.
+/// the photographs with their sides halved `halvings` times. Returns it and a checkpoint, or `None` if [`Trial::goes_on`] ends it. Waits; the
+/// loop and the model do not change.
+///
+/// The search counts as the worth of bands also what other Gaussians would take over. So two copies of the scene learn on, one of them without
+/// bands. If the other is better by less than the search says, all bands are worth less in proportion.
 ///
 /// # Errors
-/// Those of [`Bands::new`].
+/// Those of [`Bands::new`] and [`dense_trainer`].
 pub fn measure(
     session: &Session,
     model: &Model,
@@ -116,16 +144,50 @@ pub fn measure(
     (views, halvings): (&Views, u32),
     bytes: u64,
     most: u32,
-) -> Result<(Classes, Checkpoint)> {
+    trial: &Trial,
+) -> Result<Option<(Classes, Checkpoint)>> {
     let checkpoint = trainer.checkpoint(model, views)?;
-    let scene = model.download()?;
-    let count = scene.base.len() as u32;
-    let share = match count {
-        0 => 0.0,
-        _ => kept(session, &scene, (views, halvings), WORTH, |_| ())?.gains.len() as f64 / f64::from(count),
+    let count = model.counts()?[0];
+    if count == 0 {
+        let limit = fitting(bytes, 0.0).min(most);
+        return Ok(Some((Classes { count, limit, worth: 1.0, parts: None }, checkpoint)));
+    }
+    let found = |parts: Option<[u32; 2]>| -> Result<Option<(Bands, Scene)>> {
+        let classes = Classes { count, limit: count, worth: 1.0, parts };
+        let order: Vec<usize> = (0..count as usize).collect();
+        let from = match parts {
+            None => checkpoint.clone(),
+            Some(_) => divided(&checkpoint, &order, count as usize, session.policy.packed)?,
+        };
+        let (empty, room) = classes.room(model.scene_origin, trial.host);
+        let copy = Model::upload_around(&session.context, views.origin, &empty, room)?;
+        let options = BaseOptions { sh_degree: classes.degree(), ..*trial.options };
+        let mut learning = dense_trainer(session, &copy, views, &options, &classes.control(trial.density))?;
+        learning.resume(&copy, &from, false)?;
+        let steps = (TRIED * f64::from(options.iterations)).ceil() as u32;
+        learning.go_on_to((checkpoint.step + steps).min(options.iterations));
+        while learning.advance(&copy, views)?.is_some() {
+            if !(trial.goes_on)() {
+                return Ok(None);
+            }
+        }
+        let scene = copy.download()?;
+        let mut bands = Bands::new(session, &scene, views, halvings)?;
+        bands.measure_errors(session, views)?;
+        while bands.advance(views)?.is_some() {}
+        Ok(Some((bands, scene)))
     };
+    let Some((without, _)) = found(Some([count, 0]))? else { return Ok(None) };
+    let without = without.squared_error(views);
+    let Some((with, scene)) = found(None)? else { return Ok(None) };
+    let error = with.squared_error(views);
+    let (said, true_loss) = (with.choose_of(DEGREE, u64::MAX, 0.0).gain(), without - error);
+    // If nothing is lost, bands are worth nothing.
+    let worth = said / true_loss.max(f64::MIN_POSITIVE) / USUAL;
+    let least = (WORTH * worth).min(f64::MAX) * error / scene_bytes(&scene) as f64;
+    let share = with.choose_of(DEGREE, u64::MAX, least).gains.len() as f64 / f64::from(count);
     let limit = fitting(bytes, share).min(most).max(count);
-    Ok((Classes { count, limit, parts: None }, checkpoint))
+    Ok(Some((Classes { count, limit, worth: worth.min(1e6) as f32, parts: None }, checkpoint)))
 }
 
 /// Takes the bands that prevent little of the squared error from the Gaussians of a loop on `model`, for a scene of at most `bytes`. Returns
@@ -146,7 +208,7 @@ pub fn divide(
     let count = scene.base.len();
     let mut kept = match count {
         0 => Promotion::default(),
-        _ => kept(session, &scene, (views, 0), WORTH_KEEPING, |_| ())?,
+        _ => kept(session, &scene, views, WORTH_KEEPING * f64::from(classes.worth), |_| ())?,
     };
     kept.limit(bytes.saturating_sub(count as u64 * gaussian_bytes(0, false)));
     let banded = kept.gains.len();
@@ -177,7 +239,7 @@ pub fn demote(
     if degree == 0 || (scene.mixed && scene_bytes(scene) <= most) {
         return Ok(None);
     }
-    let mut kept = kept(session, scene, (views, 0), WORTH_KEEPING, progress)?;
+    let mut kept = kept(session, scene, views, WORTH_KEEPING, progress)?;
     let first = if scene.mixed { scene.base.constants() } else { 0 };
     kept.gains.retain(|found| found.number as usize >= first);
     kept.limit(most.saturating_sub(constant));
@@ -188,15 +250,15 @@ pub fn demote(
 }
 
 /// Gaussians of `scene` whose bands prevent `worth` times as large a part of the squared error as their part of the bytes, in the photographs
-/// with their sides halved `halvings` times.
+/// of `views`.
 fn kept(
     session: &Session,
     scene: &Scene,
-    (views, halvings): (&Views, u32),
+    views: &Views,
     worth: f64,
     mut progress: impl FnMut([u32; 2]),
 ) -> Result<Promotion> {
-    let mut bands = Bands::new(session, scene, views, halvings)?;
+    let mut bands = Bands::new(session, scene, views, 0)?;
     bands.measure_errors(session, views)?;
     while let Some(done) = bands.advance(views)? {
         progress(done);
@@ -252,7 +314,7 @@ mod tests {
         let step = (MEASURED_AT * 1000.0) as u32;
         let count = before.budget(step - 1);
         for limit in [count, 16_262, 29_176] {
-            let classes = Classes { count, limit, parts: None };
+            let classes = Classes { count, limit, worth: 1.0, parts: None };
             let control = classes.control(&before);
             // Start and budget are rounded. If many more come, the first of them come at once.
             let now = control.budget(step - 1);
@@ -266,7 +328,8 @@ mod tests {
             assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (true, 3, limit - 7, 7));
         }
         // Nobody keeps bands.
-        let (scene, room) = Classes { count, limit: count, parts: Some([count, 0]) }.room(DVec3::ZERO, false);
+        let (scene, room) =
+            Classes { count, limit: count, worth: 1.0, parts: Some([count, 0]) }.room(DVec3::ZERO, false);
         assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (false, 0, count, 0));
     }
 
@@ -275,7 +338,7 @@ mod tests {
         let mut checkpoint = Checkpoint::new(7);
         assert_eq!(Classes::of(&checkpoint), None);
         for parts in [None, Some([3, 0]), Some([0, 4])] {
-            let classes = Classes { count: 2, limit: 9, parts };
+            let classes = Classes { count: 2, limit: 9, worth: 0.3, parts };
             classes.keep(&mut checkpoint);
             assert_eq!(Classes::of(&checkpoint), Some(classes));
         }

@@ -5,7 +5,7 @@ use glint::{
     data::scene_bytes,
     pipelines::{
         checkpoint::Checkpoint,
-        classes::{Classes, DEMOTED_AT, MEASURED_AT, divide, measure},
+        classes::{Classes, DEMOTED_AT, MEASURED_AT, Trial, divide, measure},
         density::{BUDGET_SPAN, Density, DensityOptions, Strategy},
         model::{Model, Room, Segment},
         session::Session,
@@ -161,14 +161,17 @@ fn a_scene_that_is_divided_fits_its_bytes_and_repeats_to_the_bit() {
         let mut trainer = dense_trainer(&setup.session, &model, &setup.views, &options, &before).unwrap();
         trainer.start(false).unwrap();
         run(&mut trainer, &model, at(MEASURED_AT));
-        let most = 1000;
         let (session, views) = (&setup.session, &setup.views);
-        let (classes, measured) = measure(session, &model, &mut trainer, (views, 0), bytes, most).unwrap();
+        let trial = Trial { options: &options, density: &before, host: false, goes_on: &|| true };
+        let mut measured =
+            |most, trial: &Trial| measure(session, &model, &mut trainer, (views, 0), bytes, most, trial).unwrap();
+        assert!(measured(1000, &Trial { goes_on: &|| false, ..trial }).is_none());
+        let few = measured(10, &trial).unwrap().0;
+        let (classes, measured) = measured(1000, &trial).unwrap();
         assert_eq!(classes.count, model.counts().unwrap()[0]);
         // Between all and none with bands, of 248 and 68 bytes; `most` holds as well.
         assert!((bytes / 248..bytes / 68).contains(&classes.limit.into()), "{classes:?}");
-        let (few, _) = measure(session, &model, &mut trainer, (views, 0), bytes, 10).unwrap();
-        assert_eq!(few.limit, classes.count);
+        assert_eq!((few.limit, few.worth.to_bits()), (classes.count, classes.worth.to_bits()));
 
         let (model, mut trainer) = begin(&classes, &measured);
         run(&mut trainer, &model, at(DEMOTED_AT));

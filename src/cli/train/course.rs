@@ -18,7 +18,7 @@ use crate::{
     gpu::Memory,
     pipelines::{
         checkpoint::{Checkpoint, Clock},
-        classes::{Classes, DEMOTED_AT, MEASURED_AT, divide, measure},
+        classes::{Classes, DEMOTED_AT, MEASURED_AT, Trial, divide, measure},
         density::{DensityOptions, Strategy},
         exposure::IDENTITY,
         model::{Model, Room},
@@ -207,7 +207,7 @@ impl Training<'_> {
             let At { done, total, taken } = self.at;
             let divides_at = self.course.divides_at(total);
             if let Some(bytes) = self.course.bytes.filter(|_| divides_at.is_some_and(|step| done >= step)) {
-                self.divide(bytes)?;
+                self.divide(bytes, interrupt)?;
                 continue;
             }
             let stop = looks_at.map_or(total, |next| total.min(done + (next - taken)));
@@ -234,7 +234,7 @@ impl Training<'_> {
         while let (Some(bytes), Some(_), false) =
             (self.course.bytes, self.course.divides_at(self.at.total), interrupt.asked())
         {
-            self.divide(bytes)?;
+            self.divide(bytes, interrupt)?;
         }
         let scene = self.model.download()?;
         let ended = !(interrupt.asked() && self.at.is_going_on());
@@ -280,13 +280,21 @@ impl Training<'_> {
         Ok(())
     }
 
-    /// Finds the number of Gaussians, or takes bands that show little.
-    fn divide(&mut self, bytes: u64) -> Result<()> {
+    /// Finds the number of Gaussians, or takes bands that show little. After an interrupt nothing changes.
+    fn divide(&mut self, bytes: u64, interrupt: &Interrupt) -> Result<()> {
         let At { done, total, .. } = self.at;
         let halvings = halvings_at(self.course.options(total).part(done), self.course.halvings);
         let (session, model, trainer, views) = (self.session, &self.model, &mut self.trainer, self.views);
         let (classes, found) = match self.course.classes {
-            None => measure(session, model, trainer, (views, halvings), bytes, self.course.most)?,
+            None => {
+                let (options, density) = (self.course.options(total), self.course.density(total));
+                self.bar.say("learning with and without bands, to compare");
+                let goes_on = || !interrupt.asked();
+                let trial = Trial { options: &options, density: &density, host: self.course.host, goes_on: &goes_on };
+                let found = measure(session, model, trainer, (views, halvings), bytes, self.course.most, &trial)?;
+                let Some(found) = found else { return Ok(()) };
+                found
+            }
             Some(classes) => divide(session, model, trainer, views, classes, bytes)?,
         };
         let course = Course { classes: Some(classes), ..self.course };
