@@ -33,8 +33,8 @@ pub const TRIED: f64 = 0.05;
 pub const USUAL: f64 = 2.7;
 /// Fraction of the run after which bands that show little go. Density control ends there.
 pub const DEMOTED_AT: f64 = BUDGET_SPAN[2];
-/// Part of the squared error that bands must prevent at [`MEASURED_AT`], relative to their part of the bytes. They prevent less than in the
-/// end (docs/experiments/2026-11-30-number.md).
+/// Part of the squared error that bands must prevent after the trial, relative to their part of the bytes. They prevent less than in the end
+/// (docs/experiments/2026-11-30-number.md).
 pub const WORTH: f64 = 0.7;
 /// Part of the squared error that bands must prevent in the end, relative to their part of the bytes
 /// (docs/experiments/2026-11-30-demotion.md).
@@ -159,26 +159,29 @@ pub fn measure(
             None => checkpoint.clone(),
             Some(_) => divided(&checkpoint, &order, count as usize, session.policy.packed)?,
         };
-        let (empty, room) = classes.room(model.scene_origin, trial.host);
-        let copy = Model::upload_around(&session.context, views.origin, &empty, room)?;
-        let options = BaseOptions { sh_degree: classes.degree(), ..*trial.options };
-        let mut learning = dense_trainer(session, &copy, views, &options, &classes.control(trial.density))?;
-        learning.resume(&copy, &from, false)?;
-        let steps = (TRIED * f64::from(options.iterations)).ceil() as u32;
-        learning.go_on_to((checkpoint.step + steps).min(options.iterations));
-        while learning.advance(&copy, views)?.is_some() {
-            if !(trial.goes_on)() {
-                return Ok(None);
+        // Its memory is free before the search.
+        let scene = {
+            let (empty, room) = classes.room(model.scene_origin, trial.host);
+            let copy = Model::upload_around(&session.context, views.origin, &empty, room)?;
+            let options = BaseOptions { sh_degree: classes.degree(), ..*trial.options };
+            let mut learning = dense_trainer(session, &copy, views, &options, &classes.control(trial.density))?;
+            learning.resume(&copy, &from, false)?;
+            let steps = (TRIED * f64::from(options.iterations)).ceil() as u32;
+            learning.go_on_to((checkpoint.step + steps).min(options.iterations));
+            while learning.advance(&copy, views)?.is_some() {
+                if !(trial.goes_on)() {
+                    return Ok(None);
+                }
             }
-        }
-        let scene = copy.download()?;
+            copy.download()?
+        };
         let mut bands = Bands::new(session, &scene, views, halvings)?;
         bands.measure_errors(session, views)?;
         while bands.advance(views)?.is_some() {}
         Ok(Some((bands, scene)))
     };
-    let Some((without, _)) = found(Some([count, 0]))? else { return Ok(None) };
-    let without = without.squared_error(views);
+    let without = found(Some([count, 0]))?.map(|(bands, _)| bands.squared_error(views));
+    let Some(without) = without else { return Ok(None) };
     let Some((with, scene)) = found(None)? else { return Ok(None) };
     let error = with.squared_error(views);
     let (said, true_loss) = (with.choose_of(DEGREE, u64::MAX, 0.0).gain(), without - error);
