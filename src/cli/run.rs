@@ -25,6 +25,7 @@ use crate::{
     Error, Result,
     data::{self, Dataset, Split, gaussian_bytes, write_text},
     pipelines::{
+        classes,
         learn::learning_bytes,
         start::{default_gaussians, most_gaussians},
     },
@@ -181,12 +182,12 @@ impl Args {
         Ok((workspace, Some(images)))
     }
 
-    /// Size of the scene if none is given. Gaussians with constant colors, of which a base without a degree may consist in the end, take fewer
-    /// bytes, so their number is limited by itself.
+    /// Size of the scene if none is given. Without a degree, all Gaussians of the base may lose their bands and take fewer bytes, so their number
+    /// has a limit of its own.
     fn default_bytes(&self, dataset: &Dataset) -> Outcome<u64> {
         let pixels = dataset.split(Split::Train).map(|(_, photo)| u64::from(photo.camera.pixels())).sum();
         let points = dataset.points.as_ref().map_or(0, |points| points.positions.len());
-        let sh_degree = self.sh_degree.unwrap_or(3);
+        let sh_degree = self.sh_degree.unwrap_or(classes::DEGREE);
         let fit = self.device.with_unchecked(|context| {
             Ok(fit(context.memory_at_most(), learning_bytes(sh_degree, false, true).iter().sum(), pixels))
         })?;

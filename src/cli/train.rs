@@ -31,7 +31,7 @@ use crate::{
     gpu::Context,
     pipelines::{
         checkpoint::Clock,
-        classes::Classes,
+        classes::{self, Classes},
         density::Strategy,
         learn::learning_bytes,
         session::Policy,
@@ -487,7 +487,7 @@ impl Args {
     fn degree(&self) -> u32 {
         match (self.model.color, self.model.bytes) {
             (ColorArg::Sb, _) => color::BETAS,
-            (ColorArg::Sh, Some(_)) => BaseOptions::default().sh_degree,
+            (ColorArg::Sh, Some(_)) => classes::DEGREE,
             (ColorArg::Sh, None) => self.model.sh_degree,
         }
     }

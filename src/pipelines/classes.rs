@@ -45,10 +45,10 @@ pub const BASE_PART: f64 = 0.85;
 pub const ASSUMED: f64 = 0.3;
 /// Name in a checkpoint.
 const CLASSES: &str = "classes";
-/// Degree of the bands.
-const DEGREE: u32 = 3;
+/// Degree of the harmonics in training.
+pub const DEGREE: u32 = 3;
 
-/// What is known of the classes of a scene in training.
+/// Classes of a scene in training: the number of Gaussians, and later which of them have bands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Classes {
     /// Gaussians when their share with bands was measured.
@@ -75,7 +75,7 @@ impl Classes {
     /// Density control from the measurement on. `before` controlled the scene until then.
     pub fn control(&self, before: &DensityOptions) -> DensityOptions {
         let [limit, count] = self.parts.map_or([self.limit, self.count], |parts| [parts.iter().sum(); 2]);
-        before.toward(limit.max(1), count, MEASURED_AT)
+        before.toward(limit, count, MEASURED_AT)
     }
 
     /// An empty scene around `origin` for a model of these classes, and the room that it needs. [`Trainer::resume`] fills it.
@@ -115,7 +115,7 @@ fn fitting(bytes: u64, share: f64) -> u32 {
     (bytes as f64 / each) as u32
 }
 
-/// What a loop of [`measure`] has in common with that of the run.
+/// Settings of the trial in [`measure`].
 #[derive(Clone, Copy)]
 pub struct Trial<'a> {
     /// Options of the run.
@@ -148,10 +148,6 @@ pub fn measure(
 ) -> Result<Option<(Classes, Checkpoint)>> {
     let checkpoint = trainer.checkpoint(model, views)?;
     let count = model.counts()?[0];
-    if count == 0 {
-        let limit = fitting(bytes, 0.0).min(most);
-        return Ok(Some((Classes { count, limit, worth: 1.0, parts: None }, checkpoint)));
-    }
     let found = |parts: Option<[u32; 2]>| -> Result<Option<(Bands, Scene)>> {
         let classes = Classes { count, limit: count, worth: 1.0, parts };
         let order: Vec<usize> = (0..count as usize).collect();
@@ -175,22 +171,19 @@ pub fn measure(
             }
             copy.download()?
         };
-        let mut bands = Bands::new(session, &scene, views, halvings)?;
-        bands.measure_errors(session, views)?;
-        while bands.advance(views)?.is_some() {}
-        Ok(Some((bands, scene)))
+        Ok(Some((searched(session, &scene, views, halvings, |_| ())?, scene)))
     };
     let without = found(Some([count, 0]))?.map(|(bands, _)| bands.squared_error(views));
     let Some(without) = without else { return Ok(None) };
     let Some((with, scene)) = found(None)? else { return Ok(None) };
     let error = with.squared_error(views);
     let (said, true_loss) = (with.choose_of(DEGREE, u64::MAX, 0.0).gain(), without - error);
-    // If nothing is lost, bands are worth nothing.
-    let worth = said / true_loss.max(f64::MIN_POSITIVE) / USUAL;
-    let least = (WORTH * worth).min(f64::MAX) * error / scene_bytes(&scene) as f64;
+    // If nothing is lost, no bands are worth their bytes.
+    let worth = (said / (USUAL * true_loss.max(0.0))).min(1e6);
+    let least = WORTH * worth * error / scene_bytes(&scene) as f64;
     let share = with.choose_of(DEGREE, u64::MAX, least).gains.len() as f64 / f64::from(count);
     let limit = fitting(bytes, share).min(most).max(count);
-    Ok(Some((Classes { count, limit, worth: worth.min(1e6) as f32, parts: None }, checkpoint)))
+    Ok(Some((Classes { count, limit, worth: worth as f32, parts: None }, checkpoint)))
 }
 
 /// Takes the bands that prevent little of the squared error from the Gaussians of a loop on `model`, for a scene of at most `bytes`. Returns
@@ -209,10 +202,7 @@ pub fn divide(
     let checkpoint = trainer.checkpoint(model, views)?;
     let scene = model.download()?;
     let count = scene.base.len();
-    let mut kept = match count {
-        0 => Promotion::default(),
-        _ => kept(session, &scene, views, WORTH_KEEPING * f64::from(classes.worth), |_| ())?,
-    };
+    let mut kept = kept(session, &scene, views, WORTH_KEEPING * f64::from(classes.worth), |_| ())?;
     kept.limit(bytes.saturating_sub(count as u64 * gaussian_bytes(0, false)));
     let banded = kept.gains.len();
     let classes = Classes { parts: Some([(count - banded) as u32, banded as u32]), ..classes };
@@ -252,20 +242,31 @@ pub fn demote(
     Ok(Some(Scene { base, mixed: true, ..scene.clone() }))
 }
 
-/// Gaussians of `scene` whose bands prevent `worth` times as large a part of the squared error as their part of the bytes, in the photographs
-/// of `views`.
+/// A whole search for bands with the squared error, in the photographs with their sides halved `halvings` times.
+fn searched(
+    session: &Session,
+    scene: &Scene,
+    views: &Views,
+    halvings: u32,
+    mut progress: impl FnMut([u32; 2]),
+) -> Result<Bands> {
+    let mut bands = Bands::new(session, scene, views, halvings)?;
+    bands.measure_errors(session, views)?;
+    while let Some(done) = bands.advance(views)? {
+        progress(done);
+    }
+    Ok(bands)
+}
+
+/// Gaussians of `scene` whose bands prevent at least `worth` times as large a part of the squared error as their part of the bytes.
 fn kept(
     session: &Session,
     scene: &Scene,
     views: &Views,
     worth: f64,
-    mut progress: impl FnMut([u32; 2]),
+    progress: impl FnMut([u32; 2]),
 ) -> Result<Promotion> {
-    let mut bands = Bands::new(session, scene, views, 0)?;
-    bands.measure_errors(session, views)?;
-    while let Some(done) = bands.advance(views)? {
-        progress(done);
-    }
+    let bands = searched(session, scene, views, 0, progress)?;
     let least = worth * bands.squared_error(views) / scene_bytes(scene) as f64;
     Ok(bands.choose_of(scene.base.sh_degree, u64::MAX, least))
 }

@@ -6,11 +6,13 @@ use glint::{
     gpu::Context,
     pipelines::{
         bands::Bands,
-        classes::{BASE_PART, demote},
+        classes::{BASE_PART, MEASURED_AT, Trial, demote, measure},
+        density::{DensityOptions, Strategy},
         enhance::{EnhanceOptions, Enhancer, Event, enhance},
         learn::{Learner, Lesson, Rates, Seen},
         model::{Model, Room, Segment},
         render::{Needs, RenderOptions, Renderer, Show},
+        train::{BaseOptions, dense_trainer},
         views::Views,
     },
     reference::{random_camera, random_scene},
@@ -285,6 +287,36 @@ fn bands_that_show_nothing_are_removed_and_then_those_that_show_least() {
         let none = Scene { base: truth.base.clone().with_degree(0), ..truth.clone() };
         assert!(demote(&session(&gpu), &none, &views, constant, |_| panic!("no bands")).unwrap().is_none());
     }
+}
+
+/// If nothing depends on the view, the copy without bands of [`measure`] learns as well as the other, and all bytes are for constant colors. If
+/// all does, it does not.
+#[test]
+fn bands_count_if_no_other_gaussian_can_take_over_what_they_show() {
+    let gpu = Gpu::new();
+    let session = session(&gpu);
+    let measured = |is_glossy: bool| {
+        let truth = wall(3, |_| is_glossy);
+        let views = photographed(&gpu, &truth);
+        let mut start = truth;
+        // Every color is off, and no band has been learned.
+        for (i, sh) in start.base.sh.chunks_mut(16).enumerate() {
+            sh[0] = sh[0].map(|v| v + 0.05 * (i as f32).sin());
+            sh[1..].fill([0.0; 3]);
+        }
+        let model = Model::upload(&gpu, &start, 0).unwrap();
+        let options = BaseOptions { iterations: 600, ..Default::default() };
+        let density = DensityOptions { strategy: Strategy::Budget, limit: 225, first: 225, iterations: 600 };
+        let mut trainer = dense_trainer(&session, &model, &views, &options, &density).unwrap();
+        trainer.start(false).unwrap();
+        trainer.go_on_to((MEASURED_AT * 600.0) as u32);
+        while trainer.advance(&model, &views).unwrap().is_some() {}
+        let trial = Trial { options: &options, density: &density, host: false, goes_on: &|| true };
+        measure(&session, &model, &mut trainer, (&views, 0), 225 * 248, 1000, &trial).unwrap().unwrap().0
+    };
+    let [glossy, diffuse] = [true, false].map(measured);
+    // 820 without bands, 225 if all have some.
+    assert!(glossy.limit < 400 && diffuse.limit > 700, "{glossy:?} {diffuse:?}");
 }
 
 /// If nothing depends on the view, bands promise 0.3 % of the error. A choice without a price still takes most Gaussians.

@@ -65,7 +65,7 @@ impl Course {
         self.classes.map_or(before, |classes| classes.control(&before))
     }
 
-    /// Steps of a run of `iterations` after which [`Training::divide`] is due, if it is once more.
+    /// Steps of a run of `iterations` until the next [`Training::divide`]; `None` after the last.
     fn divides_at(&self, iterations: u32) -> Option<u32> {
         let after = match self.classes {
             None => MEASURED_AT,
