@@ -447,12 +447,11 @@ impl Args {
     ) -> Result<Report<'a>> {
         let Task { photos, scene, options, .. } = task;
         let allowance = options.allowance(task.to_augment());
-        let plain = (found.scene.base.len() - scene.base.len()) as u32;
         let budget = match options.method {
             Method::Pursuit => allowance.most().into_iter().max().unwrap_or_default(),
             Method::Augs => found.budgets.iter().sum(),
         };
-        tell_left_out(task, found, plain, budget, allowance.gaussians);
+        tell_left_out(task, found, budget, allowance.gaussians);
         Ok(Report {
             output: self.output.to_string_lossy().into_owned(),
             device: &context.info().name,
@@ -463,10 +462,14 @@ impl Args {
                 budget,
                 refined: found.refined,
                 supplementary_gaussians: found.lifted,
-                plain_gaussians: plain,
+                plain_gaussians: found.plain,
                 banded_gaussians: found.promotion.gains.len() as u32,
                 demoted_gaussians: task.lost_bands(),
-                bytes_added: if discarded { 0 } else { allowance.taken(plain, found.lifted) + found.promotion.bytes() },
+                bytes_added: if discarded {
+                    0
+                } else {
+                    allowance.taken(found.plain, found.lifted) + found.promotion.bytes()
+                },
                 file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
             },
             plan: found.spending.as_ref(),
@@ -520,7 +523,7 @@ impl Args {
 
 /// Prints notes if the budget was exceeded or nothing was added. `budget` counts all Gaussians allowed,
 /// `most` those of --ratio, `plain` the added ones without a lobe.
-fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32, most: u32) {
+fn tell_left_out(task: &Task<'_>, found: &Enhanced, budget: u32, most: u32) {
     let (bases, ratio) = (task.scene.base.len(), task.options.ratio);
     if f64::from(budget) > 1.1 * f64::from(most) {
         note(format!(
@@ -533,7 +536,7 @@ fn tell_left_out(task: &Task<'_>, found: &Enhanced, plain: u32, budget: u32, mos
             "the base's render of {lost} of {} photos is so far out of range that its loss is NaN; nothing was added for them",
             task.photos.len()
         ));
-    } else if found.lifted + plain == 0 && found.promotion.gains.is_empty() {
+    } else if found.lifted + found.plain == 0 && found.promotion.gains.is_empty() {
         let (below, beyond) =
             found.spending.as_ref().map_or((0, 0), |p| (p.candidates.below_training_on, p.candidates.beyond));
         note(match (below, beyond) {

@@ -1,5 +1,6 @@
 //! Classes of color in training (method, section 8): all Gaussians learn bands of harmonics. Early in the run the share that needs them gives
-//! the number of Gaussians. Late in the run the others lose theirs, so that the scene fits its bytes.
+//! the number of Gaussians. If few need them, all lose theirs at once. Otherwise the others lose theirs late in the run, so that the scene
+//! fits its bytes.
 //!
 //! Checkpoint → search for bands → checkpoint, which the caller resumes with a model of another size, or of two segments.
 
@@ -39,6 +40,8 @@ pub const WORTH: f64 = 0.7;
 /// Part of the squared error that bands must prevent in the end, relative to their part of the bytes
 /// (docs/experiments/2026-11-30-demotion.md).
 pub const WORTH_KEEPING: f64 = 8.0;
+/// If a smaller share needs bands after the trial, nobody keeps them.
+pub const FEW: f64 = 0.05;
 /// Part of the bytes that a base takes at most when bands are removed; the rest is for added Gaussians.
 pub const BASE_PART: f64 = 0.85;
 /// Before the measurement the scene grows as if this share of its Gaussians were to keep their bands.
@@ -48,17 +51,17 @@ const CLASSES: &str = "classes";
 /// Degree of the harmonics in training.
 pub const DEGREE: u32 = 3;
 
-/// Classes of a scene in training: the number of Gaussians, and later which of them have bands.
+/// Classes of a scene in training: the number of Gaussians, and how many of them have bands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Classes {
-    /// Gaussians when their share with bands was measured.
+    /// Gaussians when their share with bands was measured, or when bands went late in the run.
     pub count: u32,
     /// Maximum number of Gaussians.
     pub limit: u32,
     /// Predicted over true worth of bands, relative to [`USUAL`].
     pub worth: f32,
-    /// Gaussians without bands and with, after bands went.
-    pub parts: Option<[u32; 2]>,
+    /// Gaussians with bands, after bands went.
+    pub banded: Option<u32>,
 }
 
 impl Classes {
@@ -74,38 +77,33 @@ impl Classes {
 
     /// Density control from the measurement on. `before` controlled the scene until then.
     pub fn control(&self, before: &DensityOptions) -> DensityOptions {
-        let [limit, count] = self.parts.map_or([self.limit, self.count], |parts| [parts.iter().sum(); 2]);
-        before.toward(limit, count, MEASURED_AT)
+        before.toward(self.limit, self.count, MEASURED_AT)
     }
 
     /// An empty scene around `origin` for a model of these classes, and the room that it needs. [`Trainer::resume`] fills it.
     pub fn room(&self, origin: DVec3, host: bool) -> (Scene, Room) {
         let base = Gaussians { sh_degree: self.degree(), ..Gaussians::default() };
-        let [constants, banded] = self.parts.unwrap_or([self.limit, 0]);
+        let banded = self.banded.unwrap_or(0);
         let scene = Scene { base, mixed: banded > 0, origin, ..Scene::default() };
-        (scene, Room { base: constants.max(1), banded, host, ..Room::default() })
+        (scene, Room { base: (self.limit - banded).max(1), banded, host, ..Room::default() })
     }
 
     /// Degree of the harmonics of the Gaussians that have some.
     pub fn degree(&self) -> u32 {
-        if self.parts.is_some_and(|[_, banded]| banded == 0) { 0 } else { DEGREE }
+        if self.banded == Some(0) { 0 } else { DEGREE }
     }
 
     /// Stores them in a checkpoint.
     pub fn keep(&self, checkpoint: &mut Checkpoint) {
-        let [constants, banded] = self.parts.unwrap_or_default();
-        checkpoint.put_words(CLASSES.into(), vec![self.count, self.limit, self.worth.to_bits(), constants, banded]);
+        let words = [self.count, self.limit, self.worth.to_bits()];
+        checkpoint.put_words(CLASSES.into(), words.into_iter().chain(self.banded).collect());
     }
 
     /// Those of a checkpoint; `None` if its scene was not measured.
     pub fn of(checkpoint: &Checkpoint) -> Option<Self> {
-        let &[count, limit, worth, constants, banded] = checkpoint.words(CLASSES)? else { return None };
-        Some(Classes {
-            count,
-            limit,
-            worth: f32::from_bits(worth),
-            parts: (constants + banded > 0).then_some([constants, banded]),
-        })
+        let (&[count, limit, worth], banded) = checkpoint.words(CLASSES)?.split_first_chunk()?;
+        let banded = banded.first().copied();
+        Some(Classes { count, limit, worth: f32::from_bits(worth), banded }).filter(|_| banded <= Some(limit))
     }
 }
 
@@ -133,7 +131,8 @@ pub struct Trial<'a> {
 /// loop and the model do not change.
 ///
 /// The search counts as the worth of bands also what other Gaussians would take over. So two copies of the scene learn on, one of them without
-/// bands. If the other is better by less than the search says, all bands are worth less in proportion.
+/// bands. If the other is better by less than the search says, all bands are worth less in proportion. If few Gaussians need theirs then, the
+/// scene of the checkpoint has none.
 ///
 /// # Errors
 /// Those of [`Bands::new`] and [`dense_trainer`].
@@ -148,20 +147,17 @@ pub fn measure(
 ) -> Result<Option<(Classes, Checkpoint)>> {
     let checkpoint = trainer.checkpoint(model, views)?;
     let count = model.counts()?[0];
-    let found = |parts: Option<[u32; 2]>| -> Result<Option<(Bands, Scene)>> {
-        let classes = Classes { count, limit: count, worth: 1.0, parts };
-        let order: Vec<usize> = (0..count as usize).collect();
-        let from = match parts {
-            None => checkpoint.clone(),
-            Some(_) => divided(&checkpoint, &order, count as usize, session.policy.packed)?,
-        };
+    let order: Vec<usize> = (0..count as usize).collect();
+    let constant = divided(&checkpoint, &order, count as usize, session.policy.packed)?;
+    let found = |from: &Checkpoint, banded: Option<u32>| -> Result<Option<(Bands, Scene)>> {
+        let classes = Classes { count, limit: count, worth: 1.0, banded };
         // Its memory is free before the search.
         let scene = {
             let (empty, room) = classes.room(model.scene_origin, trial.host);
             let copy = Model::upload_around(&session.context, views.origin, &empty, room)?;
             let options = BaseOptions { sh_degree: classes.degree(), ..*trial.options };
             let mut learning = dense_trainer(session, &copy, views, &options, &classes.control(trial.density))?;
-            learning.resume(&copy, &from, false)?;
+            learning.resume(&copy, from, false)?;
             let steps = (TRIED * f64::from(options.iterations)).ceil() as u32;
             learning.go_on_to((checkpoint.step + steps).min(options.iterations));
             while learning.advance(&copy, views)?.is_some() {
@@ -173,17 +169,18 @@ pub fn measure(
         };
         Ok(Some((searched(session, &scene, views, halvings, |_| ())?, scene)))
     };
-    let without = found(Some([count, 0]))?.map(|(bands, _)| bands.squared_error(views));
+    let without = found(&constant, Some(0))?.map(|(bands, _)| bands.squared_error(views));
     let Some(without) = without else { return Ok(None) };
-    let Some((with, scene)) = found(None)? else { return Ok(None) };
+    let Some((with, scene)) = found(&checkpoint, None)? else { return Ok(None) };
     let error = with.squared_error(views);
     let (said, true_loss) = (with.choose_of(DEGREE, u64::MAX, 0.0).gain(), without - error);
     // If nothing is lost, no bands are worth their bytes.
     let worth = (said / (USUAL * true_loss.max(0.0))).min(1e6);
     let least = WORTH * worth * error / scene_bytes(&scene) as f64;
     let share = with.choose_of(DEGREE, u64::MAX, least).gains.len() as f64 / f64::from(count);
+    let (share, banded, from) = if share < FEW { (0.0, Some(0), constant) } else { (share, None, checkpoint) };
     let limit = fitting(bytes, share).min(most).max(count);
-    Ok(Some((Classes { count, limit, worth: worth as f32, parts: None }, checkpoint)))
+    Ok(Some((Classes { count, limit, worth: worth as f32, banded }, from)))
 }
 
 /// Takes the bands that prevent little of the squared error from the Gaussians of a loop on `model`, for a scene of at most `bytes`. Returns
@@ -205,7 +202,7 @@ pub fn divide(
     let mut kept = kept(session, &scene, views, WORTH_KEEPING * f64::from(classes.worth), |_| ())?;
     kept.limit(bytes.saturating_sub(count as u64 * gaussian_bytes(0, false)));
     let banded = kept.gains.len();
-    let classes = Classes { parts: Some([(count - banded) as u32, banded as u32]), ..classes };
+    let classes = Classes { count: count as u32, limit: count as u32, banded: Some(banded as u32), ..classes };
     Ok((classes, divided(&checkpoint, &kept.order(count), count - banded, session.policy.packed)?))
 }
 
@@ -318,7 +315,7 @@ mod tests {
         let step = (MEASURED_AT * 1000.0) as u32;
         let count = before.budget(step - 1);
         for limit in [count, 16_262, 29_176] {
-            let classes = Classes { count, limit, worth: 1.0, parts: None };
+            let classes = Classes { count, limit, worth: 1.0, banded: None };
             let control = classes.control(&before);
             // Start and budget are rounded. If many more come, the first of them come at once.
             let now = control.budget(step - 1);
@@ -326,23 +323,24 @@ mod tests {
             assert_eq!(control.budget(999), limit);
             assert_eq!(classes.room(DVec3::ZERO, false).1.base, limit);
             // Once bands went, nothing grows.
-            let divided = Classes { parts: Some([limit - 7, 7]), ..classes };
+            let divided = Classes { count: limit, banded: Some(7), ..classes };
             assert_eq!(divided.control(&before).budget(999), limit);
             let (scene, room) = divided.room(DVec3::ZERO, false);
             assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (true, 3, limit - 7, 7));
         }
-        // Nobody keeps bands.
-        let (scene, room) =
-            Classes { count, limit: count, worth: 1.0, parts: Some([count, 0]) }.room(DVec3::ZERO, false);
-        assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (false, 0, count, 0));
+        // Without any bands more may come.
+        let none = Classes { count, limit: 29_176, worth: 1.0, banded: Some(0) };
+        let (scene, room) = none.room(DVec3::ZERO, false);
+        assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (false, 0, 29_176, 0));
+        assert_eq!(none.control(&before).budget(999), 29_176);
     }
 
     #[test]
     fn what_is_known_of_classes_comes_back_from_a_checkpoint() {
         let mut checkpoint = Checkpoint::new(7);
         assert_eq!(Classes::of(&checkpoint), None);
-        for parts in [None, Some([3, 0]), Some([0, 4])] {
-            let classes = Classes { count: 2, limit: 9, worth: 0.3, parts };
+        for banded in [None, Some(0), Some(4)] {
+            let classes = Classes { count: 2, limit: 9, worth: 0.3, banded };
             classes.keep(&mut checkpoint);
             assert_eq!(Classes::of(&checkpoint), Some(classes));
         }

@@ -176,7 +176,8 @@ pub struct Times {
 /// Result of an augmentation.
 #[derive(Debug, Default)]
 pub struct Enhanced {
-    /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own, and those with bands follow them.
+    /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own, and those with bands follow them. A
+    /// mixed base has no Gaussians that no image shows.
     pub scene: Scene,
     /// The original base, if the trained one is worse without the supplement: other viewers should show this
     /// one.
@@ -189,7 +190,9 @@ pub struct Enhanced {
     pub refined: u32,
     /// Supplementary Gaussians in the final scene.
     pub lifted: u32,
-    /// Supplementary Gaussians that were removed because they had become transparent in every view.
+    /// Added Gaussians without lobes.
+    pub plain: u32,
+    /// Gaussians that were removed because they had become transparent in every view.
     pub faded: u32,
     /// Views with lifts from an earlier run.
     pub resumed: usize,
@@ -702,8 +705,8 @@ impl Enhancer {
     pub fn finish(self, views: &Views) -> Result<Enhanced> {
         let mut scene = self.model.download()?;
         let lifted = self.model.count_of(Segment::Supplement);
+        let plain = (scene.base.len() - self.original.base.len()) as u32;
         if let (Method::Pursuit, Some(supplement)) = (self.options.method, &mut scene.supplement) {
-            let plain = (scene.base.len() - self.original.base.len()) as u32;
             let room = self.allowance.lobes_beside(plain) as usize;
             let opacities = greatest_opacities(supplement, views, scene.origin);
             // More may be left than allowed, if faded Gaussians that were already replaced have recovered.
@@ -717,7 +720,16 @@ impl Enhancer {
         // Other viewers show a mixed scene's constant colors.
         let original = (self.worse_alone && !scene.mixed).then_some(self.original.base);
         let left = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32);
-        Ok(Enhanced { scene, original, lifted: left, faded: lifted - left, ..self.found })
+        let mut faded = lifted - left;
+        // Others may have to begin with the original base.
+        if scene.mixed && self.found.join.is_some() {
+            let all = scene.base.len();
+            let shown: Vec<usize> = (0..all).filter(|&i| is_shown(scene.base.opacities[i])).collect();
+            faded += (all - shown.len()) as u32;
+            scene.base = scene.base.reordered(&shown);
+            scene.mixed = scene.base.constants() < shown.len();
+        }
+        Ok(Enhanced { scene, original, lifted: left, plain, faded, ..self.found })
     }
 
     /// The number of batches, and the views of one.
@@ -770,6 +782,12 @@ fn renderer_of(session: &Session, model: &Model, views: &Views, options: &Enhanc
         ..Default::default()
     };
     Ok(Renderer::new(&session.context, Needs::of(model), views, render)?)
+}
+
+/// Whether a Gaussian with this logit of its opacity may be in an image. Rendering leaves out opacities below 1/255; float32 of the logistic
+/// function is off by less than a thousandth.
+fn is_shown(logit: f32) -> bool {
+    1.0 / (1.0 + (-f64::from(logit)).exp()) >= 0.999 / 255.0
 }
 
 /// The maximum opacity of each Gaussian over all `views`, lobe included. Means are relative to `origin`.

@@ -38,7 +38,7 @@ pub(super) struct Report<'a> {
     pub(super) sizes: Sizes,
     /// Plan of pursuit; null for --method augs.
     pub(super) plan: Option<&'a Spending>,
-    /// Supplementary Gaussians removed because the joint phase made them transparent.
+    /// Gaussians removed because the joint phase made them transparent.
     pub(super) faded_gaussians: u32,
     /// Whether `vertex` is the original base, because the changed one is worse without the supplement.
     pub(super) original_kept: bool,

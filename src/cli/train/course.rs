@@ -69,7 +69,7 @@ impl Course {
     fn divides_at(&self, iterations: u32) -> Option<u32> {
         let after = match self.classes {
             None => MEASURED_AT,
-            Some(Classes { parts: None, .. }) => DEMOTED_AT,
+            Some(Classes { banded: None, .. }) => DEMOTED_AT,
             Some(_) => return None,
         };
         self.bytes.map(|_| (after * f64::from(iterations)).ceil() as u32)
@@ -258,8 +258,7 @@ impl Training<'_> {
             halvings => format!(", photos at 1/{}", 1 << halvings),
         };
         let lately = self.trainer.lately(done, self.views.photos as usize);
-        let divided = self.course.classes.and_then(|classes| classes.parts);
-        let gaussians = divided.map(|parts| parts.iter().sum()).or_else(|| self.trainer.gaussians());
+        let gaussians = self.trainer.gaussians().or(self.course.classes.map(|classes| classes.count));
         self.bar.say(learned(lately, gaussians, &self.session.context) + &small);
         let (gaussians, seconds) = (gaussians.unwrap_or(self.course.first), self.clocks.seconds());
         caller::step(caller::Step { step: taken, steps: all, lately, gaussians, seconds });
@@ -305,10 +304,13 @@ impl Training<'_> {
         (self.course, self.model, self.trainer) = (course, model, trainer);
         tracing::info!(
             "{}",
-            match classes.parts {
+            match classes.banded {
                 None => format!("after {done} steps: up to {} Gaussians", classes.limit),
-                Some([constants, banded]) =>
-                    format!("after {done} steps: {banded} Gaussians keep their bands, {constants} lose them"),
+                Some(0) => format!("after {done} steps: up to {} Gaussians, all without bands", classes.limit),
+                Some(banded) => {
+                    let others = classes.limit - banded;
+                    format!("after {done} steps: {banded} Gaussians keep their bands, {others} lose them")
+                }
             }
         );
         Ok(())
