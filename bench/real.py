@@ -27,7 +27,7 @@ import time
 GAUSSIAN_BYTES = {0: 68, 1: 104, 2: 164, 3: 248}
 JOINT_STEPS = 30
 # Of the bytes, for the base; as in src/cli/run.rs.
-SHARES = {None: 0.85, 0: 0.65, 1: 1.25, 2: 1.25, 3: 1.25}
+SHARES = {None: 0.93, 0: 0.65, 1: 1.25, 2: 1.25, 3: 1.25}
 UNITS = {"GB": 1e9, "MB": 1e6, "kB": 1e3}
 
 

@@ -66,7 +66,7 @@ const CURVE: u32 = 5;
 const TIME: [f64; 2] = [0.55, 0.35];
 /// Bytes of the base, of --bytes (docs/experiments/2026-11-30-number.md), of one of constant colors (docs/experiments/2026-11-28-run.md),
 /// and of one with harmonics, which gives up bands later (docs/experiments/2026-11-30-demotion.md).
-const BASE_BYTES: [f64; 3] = [0.85, 0.65, 1.25];
+const BASE_BYTES: [f64; 3] = [0.93, 0.65, 1.25];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Preset {
@@ -438,7 +438,7 @@ mod tests {
             [base.join(" "), rest.join(" ")]
         };
         let left = 1_000_000 - 9_558 * 68;
-        assert_eq!(of(None), ["--bytes 850000", "--total-bytes 1000000"]);
+        assert_eq!(of(None), ["--bytes 930000", "--total-bytes 1000000"]);
         assert_eq!(of(Some(0)), ["--sh-degree 0 --gaussians 9558".into(), format!("--bytes {left}")]);
         assert_eq!(of(Some(3)), ["--sh-degree 3 --gaussians 5040 --points 2520", "--total-bytes 1000000"]);
         assert!(shares(100, Some(0), 0).unwrap_err().to_string().contains("a Gaussian takes 68"));

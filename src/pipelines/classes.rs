@@ -1,5 +1,5 @@
 //! Classes of color in training (method, section 8): all Gaussians learn bands of harmonics. Early in the run the share that needs them gives
-//! the number of Gaussians. If few need them, all lose theirs at once. Otherwise the others lose theirs late in the run, so that the scene
+//! the number of Gaussians. If they show next to nothing, all go at once. Otherwise the others lose theirs late in the run, so that the scene
 //! fits its bytes.
 //!
 //! Checkpoint → search for bands → checkpoint, which the caller resumes with a model of another size, or of two segments.
@@ -40,8 +40,10 @@ pub const WORTH: f64 = 0.7;
 /// Part of the squared error that bands must prevent in the end, relative to their part of the bytes
 /// (docs/experiments/2026-11-30-demotion.md).
 pub const WORTH_KEEPING: f64 = 8.0;
-/// If a smaller share needs bands after the trial, nobody keeps them.
-pub const FEW: f64 = 0.05;
+/// Least true worth of all bands that the trial can tell from none, relative to the squared error.
+pub const TOLD: f64 = 0.03;
+/// Predicted over true worth, relative to [`USUAL`], from which on all bands go after the trial.
+pub const EMPTY: f64 = 12.0;
 /// Part of the bytes that a base takes at most when bands are removed; the rest is for added Gaussians.
 pub const BASE_PART: f64 = 0.85;
 /// Before the measurement the scene grows as if this share of its Gaussians were to keep their bands.
@@ -131,8 +133,8 @@ pub struct Trial<'a> {
 /// loop and the model do not change.
 ///
 /// The search counts as the worth of bands also what other Gaussians would take over. So two copies of the scene learn on, one of them without
-/// bands. If the other is better by less than the search says, all bands are worth less in proportion. If few Gaussians need theirs then, the
-/// scene of the checkpoint has none.
+/// bands. If the other is better by less than the search says, all bands are worth less in proportion. If they are worth next to nothing,
+/// the scene of the checkpoint has none.
 ///
 /// # Errors
 /// Those of [`Bands::new`] and [`dense_trainer`].
@@ -174,11 +176,12 @@ pub fn measure(
     let Some((with, scene)) = found(&checkpoint, None)? else { return Ok(None) };
     let error = with.squared_error(views);
     let (said, true_loss) = (with.choose_of(DEGREE, u64::MAX, 0.0).gain(), without - error);
-    // If nothing is lost, no bands are worth their bytes.
-    let worth = (said / (USUAL * true_loss.max(0.0))).min(1e6);
+    // A scene without any error needs no bands.
+    let worth = (said / (USUAL * true_loss.max(TOLD * error))).min(1e6);
     let least = WORTH * worth * error / scene_bytes(&scene) as f64;
     let share = with.choose_of(DEGREE, u64::MAX, least).gains.len() as f64 / f64::from(count);
-    let (share, banded, from) = if share < FEW { (0.0, Some(0), constant) } else { (share, None, checkpoint) };
+    let none = worth >= EMPTY || share == 0.0;
+    let (share, banded, from) = if none { (0.0, Some(0), constant) } else { (share, None, checkpoint) };
     let limit = fitting(bytes, share).min(most).max(count);
     Ok(Some((Classes { count, limit, worth: worth as f32, banded }, from)))
 }

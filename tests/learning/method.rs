@@ -110,6 +110,8 @@ fn numbers_of_training() -> BTreeMap<&'static str, f64> {
         ("classes: predicted over true worth of bands", classes::USUAL),
         ("classes: assumed with bands before", classes::ASSUMED),
         ("classes: worth of bands that are kept", classes::WORTH_KEEPING),
+        ("classes: least true worth that the trial tells, of the squared error", classes::TOLD),
+        ("classes: predicted over true worth, of the usual, from which on all bands go", classes::EMPTY),
         ("classes: part of the bytes for a base that loses bands", classes::BASE_PART),
         ("exposure: first rate", exposure::RATES[0]),
         ("exposure: last rate", exposure::RATES[1]),
