@@ -725,9 +725,12 @@ impl Enhancer {
         if scene.mixed && self.found.join.is_some() {
             let all = scene.base.len();
             let shown: Vec<usize> = (0..all).filter(|&i| is_shown(scene.base.opacities[i])).collect();
-            faded += (all - shown.len()) as u32;
-            scene.base = scene.base.reordered(&shown);
-            scene.mixed = scene.base.constants() < shown.len();
+            let base = scene.base.reordered(&shown);
+            // Without bands it would no longer be mixed.
+            if base.constants() < shown.len() {
+                faded += (all - shown.len()) as u32;
+                scene.base = base;
+            }
         }
         Ok(Enhanced { scene, original, lifted: left, plain, faded, ..self.found })
     }

@@ -409,4 +409,12 @@ fn an_augmentation_gives_bands_and_goes_on_from_a_checkpoint() {
         let found = enhance(&session, scene, &views, &options, |_| ()).unwrap();
         assert!(found.promotion.gains.is_empty() && !found.scene.mixed);
     }
+    // A scene stays mixed if no image shows those with bands.
+    let mut lone = Scene { mixed: true, ..truth };
+    lone.base.sh.chunks_mut(4).for_each(|sh| sh[1..].fill([0.0; 3]));
+    lone.base.sh.last_mut().unwrap()[0] = 0.1;
+    *lone.base.opacities.last_mut().unwrap() = transparent(0.9);
+    let found = enhance(&session, &lone, &views, &options, |_| ()).unwrap();
+    assert!(found.scene.mixed && found.join.is_some());
+    assert_eq!(found.scene.base.len(), lone.base.len() + found.plain as usize);
 }
