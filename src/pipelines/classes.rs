@@ -30,8 +30,6 @@ use crate::{
 pub const MEASURED_AT: f64 = 0.2;
 /// Length of the trial without bands then, as a fraction of the run.
 pub const TRIED: f64 = 0.05;
-/// Predicted over true worth of bands for which [`WORTH`] and [`WORTH_KEEPING`] hold.
-pub const USUAL: f64 = 2.7;
 /// Fraction of the run after which bands that show little go. Density control ends there.
 pub const DEMOTED_AT: f64 = BUDGET_SPAN[2];
 /// Part of the squared error that bands must prevent after the trial, relative to their part of the bytes. They prevent less than in the end
@@ -42,8 +40,8 @@ pub const WORTH: f64 = 0.7;
 pub const WORTH_KEEPING: f64 = 8.0;
 /// Least true worth of all bands that the trial can tell from none, relative to the squared error.
 pub const TOLD: f64 = 0.03;
-/// Predicted over true worth, relative to [`USUAL`], from which on all bands go after the trial.
-pub const EMPTY: f64 = 12.0;
+/// Predicted over true worth of all bands from which on they go after the trial.
+pub const EMPTY: f64 = 32.0;
 /// Part of the bytes that a base takes at most when bands are removed; the rest is for added Gaussians.
 pub const BASE_PART: f64 = 0.85;
 /// Before the measurement the scene grows as if this share of its Gaussians were to keep their bands.
@@ -60,8 +58,6 @@ pub struct Classes {
     pub count: u32,
     /// Maximum number of Gaussians.
     pub limit: u32,
-    /// Predicted over true worth of bands, relative to [`USUAL`].
-    pub worth: f32,
     /// Gaussians with bands, after bands went.
     pub banded: Option<u32>,
 }
@@ -97,15 +93,15 @@ impl Classes {
 
     /// Stores them in a checkpoint.
     pub fn keep(&self, checkpoint: &mut Checkpoint) {
-        let words = [self.count, self.limit, self.worth.to_bits()];
-        checkpoint.put_words(CLASSES.into(), words.into_iter().chain(self.banded).collect());
+        let words = [self.count, self.limit].into_iter().chain(self.banded);
+        checkpoint.put_words(CLASSES.into(), words.collect());
     }
 
     /// Those of a checkpoint; `None` if its scene was not measured.
     pub fn of(checkpoint: &Checkpoint) -> Option<Self> {
-        let (&[count, limit, worth], banded) = checkpoint.words(CLASSES)?.split_first_chunk()?;
+        let (&[count, limit], banded) = checkpoint.words(CLASSES)?.split_first_chunk()?;
         let banded = banded.first().copied();
-        Some(Classes { count, limit, worth: f32::from_bits(worth), banded }).filter(|_| banded <= Some(limit))
+        Some(Classes { count, limit, banded }).filter(|_| banded <= Some(limit))
     }
 }
 
@@ -133,8 +129,7 @@ pub struct Trial<'a> {
 /// loop and the model do not change.
 ///
 /// The search counts as the worth of bands also what other Gaussians would take over. So two copies of the scene learn on, one of them without
-/// bands. If the other is better by less than the search says, all bands are worth less in proportion. If they are worth next to nothing,
-/// the scene of the checkpoint has none.
+/// bands. If the other is better by next to nothing of what the search says, the scene of the checkpoint has no bands.
 ///
 /// # Errors
 /// Those of [`Bands::new`] and [`dense_trainer`].
@@ -152,7 +147,7 @@ pub fn measure(
     let order: Vec<usize> = (0..count as usize).collect();
     let constant = divided(&checkpoint, &order, count as usize, session.policy.packed)?;
     let found = |from: &Checkpoint, banded: Option<u32>| -> Result<Option<(Bands, Scene)>> {
-        let classes = Classes { count, limit: count, worth: 1.0, banded };
+        let classes = Classes { count, limit: count, banded };
         // Its memory is free before the search.
         let scene = {
             let (empty, room) = classes.room(model.scene_origin, trial.host);
@@ -175,15 +170,18 @@ pub fn measure(
     let Some(without) = without else { return Ok(None) };
     let Some((with, scene)) = found(&checkpoint, None)? else { return Ok(None) };
     let error = with.squared_error(views);
-    let (said, true_loss) = (with.choose_of(DEGREE, u64::MAX, 0.0).gain(), without - error);
-    // A scene without any error needs no bands.
-    let worth = (said / (USUAL * true_loss.max(TOLD * error))).min(1e6);
-    let least = WORTH * worth * error / scene_bytes(&scene) as f64;
+    let promised = with.choose_of(DEGREE, u64::MAX, 0.0).gain();
+    let least = WORTH * error / scene_bytes(&scene) as f64;
     let share = with.choose_of(DEGREE, u64::MAX, least).gains.len() as f64 / f64::from(count);
-    let none = worth >= EMPTY || share == 0.0;
+    let none = share == 0.0 || are_empty(promised, without - error, error);
     let (share, banded, from) = if none { (0.0, Some(0), constant) } else { (share, None, checkpoint) };
     let limit = fitting(bytes, share).min(most).max(count);
-    Ok(Some((Classes { count, limit, worth: worth as f32, banded }, from)))
+    Ok(Some((Classes { count, limit, banded }, from)))
+}
+
+/// Whether bands that promise to prevent so much of the squared error, without which it was larger by `lost` after the trial, show nothing.
+fn are_empty(promised: f64, lost: f64, error: f64) -> bool {
+    promised >= EMPTY * lost.max(TOLD * error)
 }
 
 /// Takes the bands that prevent little of the squared error from the Gaussians of a loop on `model`, for a scene of at most `bytes`. Returns
@@ -196,16 +194,15 @@ pub fn divide(
     model: &Model,
     trainer: &mut Trainer,
     views: &Views,
-    classes: Classes,
     bytes: u64,
 ) -> Result<(Classes, Checkpoint)> {
     let checkpoint = trainer.checkpoint(model, views)?;
     let scene = model.download()?;
     let count = scene.base.len();
-    let mut kept = kept(session, &scene, views, WORTH_KEEPING * f64::from(classes.worth), |_| ())?;
+    let mut kept = kept(session, &scene, views, |_| ())?;
     kept.limit(bytes.saturating_sub(count as u64 * gaussian_bytes(0, false)));
     let banded = kept.gains.len();
-    let classes = Classes { count: count as u32, limit: count as u32, banded: Some(banded as u32), ..classes };
+    let classes = Classes { count: count as u32, limit: count as u32, banded: Some(banded as u32) };
     Ok((classes, divided(&checkpoint, &kept.order(count), count - banded, session.policy.packed)?))
 }
 
@@ -232,7 +229,7 @@ pub fn demote(
     if degree == 0 || (scene.mixed && scene_bytes(scene) <= most) {
         return Ok(None);
     }
-    let mut kept = kept(session, scene, views, WORTH_KEEPING, progress)?;
+    let mut kept = kept(session, scene, views, progress)?;
     let first = if scene.mixed { scene.base.constants() } else { 0 };
     kept.gains.retain(|found| found.number as usize >= first);
     kept.limit(most.saturating_sub(constant));
@@ -258,16 +255,10 @@ fn searched(
     Ok(bands)
 }
 
-/// Gaussians of `scene` whose bands prevent at least `worth` times as large a part of the squared error as their part of the bytes.
-fn kept(
-    session: &Session,
-    scene: &Scene,
-    views: &Views,
-    worth: f64,
-    progress: impl FnMut([u32; 2]),
-) -> Result<Promotion> {
+/// Gaussians of `scene` whose bands prevent at least [`WORTH_KEEPING`] times as large a part of the squared error as their part of the bytes.
+fn kept(session: &Session, scene: &Scene, views: &Views, progress: impl FnMut([u32; 2])) -> Result<Promotion> {
     let bands = searched(session, scene, views, 0, progress)?;
-    let least = worth * bands.squared_error(views) / scene_bytes(scene) as f64;
+    let least = WORTH_KEEPING * bands.squared_error(views) / scene_bytes(scene) as f64;
     Ok(bands.choose_of(scene.base.sh_degree, u64::MAX, least))
 }
 
@@ -318,7 +309,7 @@ mod tests {
         let step = (MEASURED_AT * 1000.0) as u32;
         let count = before.budget(step - 1);
         for limit in [count, 16_262, 29_176] {
-            let classes = Classes { count, limit, worth: 1.0, banded: None };
+            let classes = Classes { count, limit, banded: None };
             let control = classes.control(&before);
             // Start and budget are rounded. If many more come, the first of them come at once.
             let now = control.budget(step - 1);
@@ -332,10 +323,19 @@ mod tests {
             assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (true, 3, limit - 7, 7));
         }
         // Without any bands more may come.
-        let none = Classes { count, limit: 29_176, worth: 1.0, banded: Some(0) };
+        let none = Classes { count, limit: 29_176, banded: Some(0) };
         let (scene, room) = none.room(DVec3::ZERO, false);
         assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (false, 0, 29_176, 0));
         assert_eq!(none.control(&before).budget(999), 29_176);
+    }
+
+    #[test]
+    fn bands_are_empty_if_they_promise_much_and_nothing_is_lost_without() {
+        // Of two seeds of a diffuse scene, and of scenes that want bands (docs/experiments/2026-11-30-number.md).
+        assert!(are_empty(1.49, 0.023, 1.0) && are_empty(1.50, -0.023, 1.0));
+        for [promised, lost] in [[0.32, 0.020], [0.34, -0.01], [2.13, 0.21], [0.99, 0.15], [0.77, 0.24]] {
+            assert!(!are_empty(promised, lost, 1.0), "{promised} {lost}");
+        }
     }
 
     #[test]
@@ -343,7 +343,7 @@ mod tests {
         let mut checkpoint = Checkpoint::new(7);
         assert_eq!(Classes::of(&checkpoint), None);
         for banded in [None, Some(0), Some(4)] {
-            let classes = Classes { count: 2, limit: 9, worth: 0.3, banded };
+            let classes = Classes { count: 2, limit: 9, banded };
             classes.keep(&mut checkpoint);
             assert_eq!(Classes::of(&checkpoint), Some(classes));
         }

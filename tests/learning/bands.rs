@@ -289,10 +289,9 @@ fn bands_that_show_nothing_are_removed_and_then_those_that_show_least() {
     }
 }
 
-/// If nothing depends on the view, the copy without bands of [`measure`] learns as well as the other. Then bands go at once, and all bytes are
-/// for constant colors. If all does, they stay.
+/// If nothing depends on the view, nearly all bytes are for constant colors. If all does, they are not.
 #[test]
-fn bands_count_if_no_other_gaussian_can_take_over_what_they_show() {
+fn the_number_follows_from_what_depends_on_the_view() {
     let gpu = Gpu::new();
     let session = session(&gpu);
     let measured = |is_glossy: bool| {
@@ -314,13 +313,11 @@ fn bands_count_if_no_other_gaussian_can_take_over_what_they_show() {
         let trial = Trial { options: &options, density: &density, host: false, goes_on: &|| true };
         let most = 1000;
         let measured = measure(&session, &model, &mut trainer, (&views, 0), 225 * 248, most, &trial);
-        let (classes, _) = measured.unwrap().unwrap();
-        (classes.limit, classes.banded)
+        measured.unwrap().unwrap().0.limit
     };
     let [glossy, diffuse] = [true, false].map(measured);
     // 820 without bands, 225 if all have some.
-    assert!(glossy.0 < 400 && glossy.1.is_none(), "{glossy:?}");
-    assert_eq!(diffuse, (820, Some(0)));
+    assert!(glossy < 400 && diffuse > 700, "{glossy} {diffuse}");
 }
 
 /// If nothing depends on the view, bands promise 0.3 % of the error. A choice without a price still takes most Gaussians.

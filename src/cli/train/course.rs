@@ -294,7 +294,7 @@ impl Training<'_> {
                 let Some(found) = found else { return Ok(()) };
                 found
             }
-            Some(classes) => divide(session, model, trainer, views, classes, bytes)?,
+            Some(_) => divide(session, model, trainer, views, bytes)?,
         };
         let course = Course { classes: Some(classes), ..self.course };
         let scene = Scene { origin: self.model.scene_origin, ..Scene::default() };
