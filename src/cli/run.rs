@@ -442,6 +442,6 @@ mod tests {
         assert_eq!(of(Some(0)), ["--sh-degree 0 --gaussians 9558".into(), format!("--bytes {left}")]);
         assert_eq!(of(Some(3)), ["--sh-degree 3 --gaussians 5040 --points 2520", "--total-bytes 1000000"]);
         assert!(shares(100, Some(0), 0).unwrap_err().to_string().contains("a Gaussian takes 68"));
-        assert!(shares(290, None, 0).is_err());
+        assert!(shares(260, None, 0).is_err());
     }
 }
