@@ -522,7 +522,7 @@ impl Args {
 }
 
 /// Prints notes if the budget was exceeded or nothing was added. `budget` counts all Gaussians allowed,
-/// `most` those of --ratio, `plain` the added ones without a lobe.
+/// `most` those of --ratio.
 fn tell_left_out(task: &Task<'_>, found: &Enhanced, budget: u32, most: u32) {
     let (bases, ratio) = (task.scene.base.len(), task.options.ratio);
     if f64::from(budget) > 1.1 * f64::from(most) {

@@ -38,9 +38,11 @@ pub const WORTH: f64 = 0.7;
 /// Part of the squared error that bands must prevent in the end, relative to their part of the bytes
 /// (docs/experiments/2026-11-30-demotion.md).
 pub const WORTH_KEEPING: f64 = 8.0;
-/// Least true worth of all bands that the trial can tell from none, relative to the squared error.
+/// Least true worth of all bands that the trial can tell from none, relative to the squared error: two trials of one scene differ by so much
+/// (docs/experiments/2026-11-30-number.md).
 pub const TOLD: f64 = 0.03;
-/// Predicted over true worth of all bands from which on they go after the trial.
+/// Predicted over true worth of all bands from which on they go after the trial: 50 in a diffuse scene, at most 21 in seven others
+/// (docs/experiments/2026-11-30-number.md).
 pub const EMPTY: f64 = 32.0;
 /// Part of the bytes that a base takes at most when bands are removed; the rest is for added Gaussians.
 pub const BASE_PART: f64 = 0.85;
@@ -129,7 +131,7 @@ pub struct Trial<'a> {
 /// loop and the model do not change.
 ///
 /// The search counts as the worth of bands also what other Gaussians would take over. So two copies of the scene learn on, one of them without
-/// bands. If the other is better by next to nothing of what the search says, the scene of the checkpoint has no bands.
+/// bands. If the other copy is hardly better, although the search promises much, the checkpoint has no bands.
 ///
 /// # Errors
 /// Those of [`Bands::new`] and [`dense_trainer`].
@@ -179,7 +181,8 @@ pub fn measure(
     Ok(Some((Classes { count, limit, banded }, from)))
 }
 
-/// Whether bands that promise to prevent so much of the squared error, without which it was larger by `lost` after the trial, show nothing.
+/// Whether bands show nothing: the search promises that they prevent so much of the squared `error`, and without them it was only larger by
+/// `lost` after the trial.
 fn are_empty(promised: f64, lost: f64, error: f64) -> bool {
     promised >= EMPTY * lost.max(TOLD * error)
 }
@@ -331,7 +334,7 @@ mod tests {
 
     #[test]
     fn bands_are_empty_if_they_promise_much_and_nothing_is_lost_without() {
-        // Of two seeds of a diffuse scene, and of scenes that want bands (docs/experiments/2026-11-30-number.md).
+        // Two seeds of a diffuse scene, and scenes that need bands (docs/experiments/2026-11-30-number.md).
         assert!(are_empty(1.49, 0.023, 1.0) && are_empty(1.50, -0.023, 1.0));
         for [promised, lost] in [[0.32, 0.020], [0.34, -0.01], [2.13, 0.21], [0.99, 0.15], [0.77, 0.24]] {
             assert!(!are_empty(promised, lost, 1.0), "{promised} {lost}");

@@ -176,8 +176,8 @@ pub struct Times {
 /// Result of an augmentation.
 #[derive(Debug, Default)]
 pub struct Enhanced {
-    /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own, and those with bands follow them. A
-    /// mixed base has no Gaussians that no image shows.
+    /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own, and those with bands follow them.
+    /// From a mixed base, those that no image shows are removed, unless all that have bands would go.
     pub scene: Scene,
     /// The original base, if the trained one is worse without the supplement: other viewers should show this
     /// one.
@@ -190,7 +190,7 @@ pub struct Enhanced {
     pub refined: u32,
     /// Supplementary Gaussians in the final scene.
     pub lifted: u32,
-    /// Added Gaussians without lobes.
+    /// Added Gaussians without lobes, including those that faded.
     pub plain: u32,
     /// Gaussians that were removed because they had become transparent in every view.
     pub faded: u32,
@@ -721,7 +721,7 @@ impl Enhancer {
         let original = (self.worse_alone && !scene.mixed).then_some(self.original.base);
         let left = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32);
         let mut faded = lifted - left;
-        // Others may have to begin with the original base.
+        // Only a mixed base may lose Gaussians: the file of another may have to begin with the original base.
         if scene.mixed && self.found.join.is_some() {
             let all = scene.base.len();
             let shown: Vec<usize> = (0..all).filter(|&i| is_shown(scene.base.opacities[i])).collect();

@@ -311,8 +311,7 @@ fn the_number_follows_from_what_depends_on_the_view() {
         trainer.go_on_to((MEASURED_AT * 600.0) as u32);
         while trainer.advance(&model, &views).unwrap().is_some() {}
         let trial = Trial { options: &options, density: &density, host: false, goes_on: &|| true };
-        let most = 1000;
-        let measured = measure(&session, &model, &mut trainer, (&views, 0), 225 * 248, most, &trial);
+        let measured = measure(&session, &model, &mut trainer, (&views, 0), 225 * 248, 1000, &trial);
         measured.unwrap().unwrap().0.limit
     };
     let [glossy, diffuse] = [true, false].map(measured);
