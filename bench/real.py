@@ -24,7 +24,7 @@ import sys
 import tempfile
 import time
 
-GAUSSIAN_BYTES = {0: 68, 1: 104, 2: 164, 3: 248}
+GAUSSIAN_BYTES = {0: 56, 1: 104, 2: 164, 3: 248}
 JOINT_STEPS = 30
 # Of the bytes, for the base; as in src/cli/run.rs.
 SHARES = {None: 0.93, 0: 0.65, 1: 1.25, 2: 1.25, 3: 1.25}

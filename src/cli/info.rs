@@ -131,12 +131,13 @@ fn spread(spread: &Option<Spread>) -> String {
 }
 
 /// Settings in words; empty if the file has none.
-fn trained_text(&TrainedWith { background, antialiased, max_size, exposure, part }: &TrainedWith) -> String {
+fn trained_text(&TrainedWith { background, antialiased, max_size, exposure, matte, part }: &TrainedWith) -> String {
     let said = [
         background.map(|[r, g, b]| format!("background {r},{g},{b}")),
         max_size.map(|pixels| format!("photos of at most {pixels} pixels")),
         antialiased.filter(|&yes| yes).map(|_| "antialiasing".to_owned()),
         exposure.filter(|&yes| yes).map(|_| "an exposure for each photo".to_owned()),
+        matte.filter(|&yes| yes).map(|_| "no color depends on the view".to_owned()),
         part.map(|part| format!("part {part}")),
     ];
     said.into_iter().flatten().collect::<Vec<_>>().join(", ")

@@ -343,7 +343,7 @@ impl Step {
 fn shares(bytes: u64, sh_degree: Option<u32>, points: usize) -> Result<(Vec<String>, [String; 2])> {
     let [mixed, constant, banded] = BASE_BYTES.map(|share| (share * bytes as f64) as u64);
     let (base, one) = match sh_degree {
-        None => (mixed, gaussian_bytes(3, false)),
+        None => (mixed, classes::most_bytes()),
         Some(0) => (constant, gaussian_bytes(0, false)),
         Some(degree) => (banded, gaussian_bytes(degree, false)),
     };
@@ -437,11 +437,11 @@ mod tests {
             let (base, rest) = shares(1_000_000, sh_degree, 4000).unwrap();
             [base.join(" "), rest.join(" ")]
         };
-        let left = 1_000_000 - 9_558 * 68;
+        let left = 1_000_000 - 11_607 * 56;
         assert_eq!(of(None), ["--bytes 930000", "--total-bytes 1000000"]);
-        assert_eq!(of(Some(0)), ["--sh-degree 0 --gaussians 9558".into(), format!("--bytes {left}")]);
+        assert_eq!(of(Some(0)), ["--sh-degree 0 --gaussians 11607".into(), format!("--bytes {left}")]);
         assert_eq!(of(Some(3)), ["--sh-degree 3 --gaussians 5040 --points 2520", "--total-bytes 1000000"]);
-        assert!(shares(100, Some(0), 0).unwrap_err().to_string().contains("a Gaussian takes 68"));
-        assert!(shares(260, None, 0).is_err());
+        assert!(shares(80, Some(0), 0).unwrap_err().to_string().contains("a Gaussian takes 56"));
+        assert!(shares(250, None, 0).is_err());
     }
 }

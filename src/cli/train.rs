@@ -171,7 +171,7 @@ struct ModelArgs {
     gaussians: Option<u32>,
     /// Maximum size of the Gaussians in the file, such as 25MB, instead of their number and the degree of
     /// their harmonics. All learn bands of harmonics; their number follows from how many need them. Near the
-    /// end of the run the others lose theirs, so that until then the scene is up to 3.6 times as large. Viewers
+    /// end of the run the others lose theirs, so that until then the scene is up to 4.2 times as large. Viewers
     /// that do not know this format show constant colors
     #[arg(long, value_name = "BYTES", value_parser = units::bytes, conflicts_with_all = ["gaussians", "sh_degree"])]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -497,7 +497,7 @@ impl Args {
             return Err(Error::Usage("--bytes needs --strategy budget; other strategies take --gaussians".into()));
         }
         if let Some(bytes) = self.model.bytes.filter(|&bytes| Classes::at_first(bytes) == 0) {
-            let (plain, banded) = (gaussian_bytes(0, false), gaussian_bytes(3, false));
+            let (plain, banded) = (gaussian_bytes(0, false), classes::most_bytes());
             let what = format!("--bytes {bytes}: a Gaussian takes {plain}, with bands up to {banded}; expected more");
             return Err(Error::Usage(what));
         }

@@ -69,7 +69,7 @@ pub fn merge(plan: &Plan, files: &[PathBuf], output: &Path, mut progress: impl F
     let (mut totals, mut summaries) = (Totals::default(), Vec::with_capacity(files.len()));
     for (part, path) in files.iter().enumerate() {
         let file = read_scene_file(path)?;
-        let trained_with = TrainedWith { part: None, ..file.trained_with };
+        let trained_with = TrainedWith { part: None, matte: None, ..file.trained_with };
         if part == 0 {
             (totals.origin, totals.trained_with) = (file.scene.origin, trained_with);
         }

@@ -704,9 +704,9 @@ mod tests {
         let scene = scene(0, false);
         expect(
             &replaced(&scene, "vertex 3", "vertex 2"),
-            &["2 rows", "68 bytes each", "136 bytes", "204", "68 bytes too many", "3 rows"],
+            &["2 rows", "56 bytes each", "112 bytes", "168", "56 bytes too many", "3 rows"],
         );
-        expect(&replaced(&scene, "vertex 3", "vertex 4"), &["4 rows", "272 bytes", "68 bytes too few"]);
+        expect(&replaced(&scene, "vertex 3", "vertex 4"), &["4 rows", "224 bytes", "56 bytes too few"]);
         expect(&replaced(&scene, "vertex 3", "vertex 18446744073709551615"), &["too few"]);
         let mut bytes = written(&scene);
         bytes.push(0);

@@ -13,6 +13,7 @@ use super::trained_with::TrainedWith;
 use crate::scene::{Gaussians, Lobes, Scene};
 use crate::{Error, Result};
 
+const NORMALS: [&str; 3] = ["nx", "ny", "nz"];
 /// Prefix of header lines that other readers may ignore.
 const ANNOUNCED: &str = "comment glint ";
 
@@ -62,13 +63,18 @@ pub(super) fn begin(file: &mut impl Write, origin: DVec3, trained_with: &Trained
 /// Bytes per Gaussian of the base, or of the supplement if `lobed`, in the file of [`super::write_scene`];
 /// its header has 2 KB.
 pub fn gaussian_bytes(sh_degree: u32, lobed: bool) -> u64 {
-    let normals = if lobed { 0 } else { 3 };
+    let normals = if has_normals(sh_degree, lobed) { NORMALS.len() as u64 } else { 0 };
     4 * (columns(sh_degree, lobed).len() as u64 + normals)
+}
+
+/// Whether Gaussians have normals in a file, all 0. The reference trainer writes them, and some readers of its harmonics require them.
+fn has_normals(sh_degree: u32, lobed: bool) -> bool {
+    sh_degree > 0 && !lobed
 }
 
 /// Bytes of the bands of a Gaussian of a [mixed](Scene::mixed) scene.
 pub fn band_bytes(sh_degree: u32) -> u64 {
-    gaussian_bytes(sh_degree, false) - gaussian_bytes(0, false)
+    4 * columns(sh_degree, false).iter().filter(|(_, place)| place.is_rest()).count() as u64
 }
 
 /// The base with constant colors, and its Gaussians with bands.
@@ -101,9 +107,8 @@ pub(super) struct Rows<'a> {
 impl<'a> Rows<'a> {
     pub(super) fn whole(gaussians: &'a Gaussians, lobes: Option<&'a Lobes>) -> Self {
         let mut rows = Rows::of(gaussians, lobes, |_| true);
-        if lobes.is_none() {
-            // The reference trainer writes normals, and some readers require them.
-            rows.columns.splice(3..3, ["nx", "ny", "nz"].map(|name| (name.into(), None)));
+        if has_normals(gaussians.sh_degree, lobes.is_some()) {
+            rows.columns.splice(3..3, NORMALS.map(|name| (name.into(), None)));
         }
         rows
     }

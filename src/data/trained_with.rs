@@ -2,7 +2,7 @@
 //!
 //! In PLY files they are comments: `SplatRenderMode: mip` or `default`, as in Brush's files (Postshot's
 //! `antialiased 1` is read too), and glint's own `glint background R G B`, `glint max_size PIXELS`, `glint
-//! exposure 1` and `glint part 3 of 8 plan 1a2b3c4d complete`. SOG has an object `glint` next to its
+//! exposure 1`, `glint matte 1` and `glint part 3 of 8 plan 1a2b3c4d complete`. SOG has an object `glint` next to its
 //! `antialias`; glTF has one in the extras of a node. SPZ version 4 has one in an extension of glint's, next to
 //! its flag for `antialiased`.
 
@@ -25,6 +25,9 @@ pub struct TrainedWith {
     /// Whether each photo had its own color map, which the scene does not include.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub exposure: Option<bool>,
+    /// Whether training found that colors gain nothing by depending on the view.
+    #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
+    pub matte: Option<bool>,
     /// The part of a plan that the scene is.
     #[cfg_attr(feature = "train", serde(skip_serializing_if = "Option::is_none"))]
     pub part: Option<PartOf>,
@@ -57,6 +60,7 @@ impl TrainedWith {
             }
             ["glint", "max_size", pixels] => self.max_size = pixels.parse().ok(),
             ["glint", "exposure", yes] => self.exposure = flag(yes),
+            ["glint", "matte", yes] => self.matte = flag(yes),
             ["glint", "part", part, "of", of, "plan", plan, end] => {
                 self.part = PartOf::parse([part, of, plan], end == "complete");
             }
@@ -95,7 +99,7 @@ impl std::fmt::Display for PartOf {
 impl TrainedWith {
     /// Writes the comments that [`Self::read_comment`] reads.
     pub(super) fn write_comments(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
-        let TrainedWith { background, antialiased, max_size, exposure, part } = *self;
+        let TrainedWith { background, antialiased, max_size, exposure, matte, part } = *self;
         if let Some(antialiased) = antialiased {
             writeln!(out, "comment SplatRenderMode: {}", if antialiased { "mip" } else { "default" })?;
         }
@@ -107,6 +111,9 @@ impl TrainedWith {
         }
         if let Some(exposure) = exposure {
             writeln!(out, "comment glint exposure {}", u8::from(exposure))?;
+        }
+        if let Some(matte) = matte {
+            writeln!(out, "comment glint matte {}", u8::from(matte))?;
         }
         part.map_or(Ok(()), |part| writeln!(out, "comment glint part {part}"))
     }
@@ -165,6 +172,7 @@ mod tests {
             antialiased: Some(true),
             max_size: Some(400),
             exposure: Some(true),
+            matte: Some(true),
             part: Some(PartOf { plan: 0xfe, part: 3, of: 8, complete: true }),
         };
         for trained in [all, TrainedWith { antialiased: Some(false), ..all }, TrainedWith::default()] {
@@ -179,7 +187,7 @@ mod tests {
     fn what_others_write_is_read_and_what_is_wrong_is_passed_over() {
         assert_eq!(read("comment antialiased 1").antialiased, Some(true));
         assert_eq!(read("comment antialiased 0\ncomment SplatRenderMode: 2dgs").antialiased, Some(false));
-        let wrong = "comment glint background 1 nan 1\ncomment glint max_size 0\ncomment glint exposure maybe\ncomment antialiased yes\ncomment glint part 3 of x plan 1 complete";
+        let wrong = "comment glint background 1 nan 1\ncomment glint max_size 0\ncomment glint exposure maybe\ncomment glint matte 2\ncomment antialiased yes\ncomment glint part 3 of x plan 1 complete";
         assert_eq!(read(wrong), TrainedWith::default());
         for json in ["5", "{\"background\": [2, 0, 0]}", "{\"background\": \"white\"}", "{\"max_size\": -1}", "null"] {
             assert!(TrainedWith::from_json(&serde_json::from_str(json).unwrap()).is_unknown(), "{json}");

@@ -92,8 +92,6 @@ struct Fitted {
 /// A running search.
 pub struct Bands {
     rig: Rig,
-    /// With [`Bands::measure_errors`].
-    loss: Option<Photometric>,
     model: Model,
     renderer: Renderer,
     steps: Steps,
@@ -238,7 +236,6 @@ impl Bands {
         let largest = model.part(Segment::Base).pages.iter().map(|page| page.capacity).max().unwrap_or(1);
         let mut bands = Bands {
             rig: Rig::new(session, count, largest)?,
-            loss: None,
             model,
             renderer,
             steps: Steps::new(context, STEPS_PER_SUBMISSION.min(views.views_at_once()))?,
@@ -258,8 +255,8 @@ impl Bands {
                 return Ok(None);
             }
             let before = self.page as u32 * each;
-            let Bands { rig, loss, model, renderer, page, first, .. } = self;
-            let mut looking = Looking { rig, loss, model, renderer, views, first: *first, page: *page };
+            let Bands { rig, model, renderer, page, first, .. } = self;
+            let mut looking = Looking { rig, model, renderer, views, first: *first, page: *page };
             if let Some(done) = self.steps.advance(&mut looking)? {
                 return Ok(Some([before + done, pages as u32 * each]));
             }
@@ -286,19 +283,9 @@ impl Bands {
         Ok(())
     }
 
-    /// Lets the search measure the error as well. Call it before [`Bands::advance`].
-    pub fn measure_errors(&mut self, session: &Session, views: &Views) -> Result<()> {
-        let tiles = tiles_per_frame(&views.frame_list);
-        let options = LossOptions { tiles, losses: views.photos, ..Default::default() };
-        self.loss = Some(Photometric::new(&session.context, &options)?);
-        Ok(())
-    }
-
-    /// Squared error, summed over pixels and channels of all photographs, after a search with [`Bands::measure_errors`]; otherwise 0.
-    pub fn squared_error(&self, views: &Views) -> f64 {
-        let losses = self.loss.iter().flat_map(|loss| loss.losses.mapped());
-        let pixels = views.cameras[self.first as usize..].iter().map(|camera| f64::from(camera.pixels()));
-        3.0 * losses.zip(pixels).map(|(loss, pixels)| f64::from(loss.squared) * pixels).sum::<f64>()
+    /// [`squared_error`] of the base that is searched.
+    pub fn squared_error(&mut self, session: &Session, views: &Views) -> Result<f64> {
+        squared_error(session, &mut self.renderer, &self.model, views, self.first / views.photos)
     }
 
     /// The Gaussians to promote, for at most `most` bytes. Each gains at least `least` per byte. Of all degrees it is the one that gains
@@ -346,9 +333,64 @@ fn places_per_page(context: &Context, views: u32) -> u32 {
     (u32::try_from(fits).unwrap_or(u32::MAX) / WORKGROUP * WORKGROUP).max(WORKGROUP)
 }
 
+/// Squared error of `model`, summed over pixels and channels of all photographs of `views` with their sides halved `halvings` times. Waits.
+///
+/// # Errors
+/// An error of the device.
+pub fn squared_error(
+    session: &Session,
+    renderer: &mut Renderer,
+    model: &Model,
+    views: &Views,
+    halvings: u32,
+) -> Result<f64> {
+    let context = &session.context;
+    let first = views.photos * halvings;
+    let tiles = tiles_per_frame(&views.frame_list);
+    let loss = Photometric::new(context, &LossOptions { tiles, losses: views.photos, ..Default::default() })?;
+    let mut steps = Steps::new(context, STEPS_PER_SUBMISSION.min(views.views_at_once()))?;
+    let mut judging = Judging { loss: &loss, renderer, model, views, background: session.background, first };
+    steps.run(views.photos, false, &mut judging, |_| ())?;
+    let pixels = views.cameras[first as usize..].iter().map(|camera| f64::from(camera.pixels()));
+    Ok(3.0
+        * loss.losses.mapped().iter().zip(pixels).map(|(loss, pixels)| f64::from(loss.squared) * pixels).sum::<f64>())
+}
+
+struct Judging<'a> {
+    loss: &'a Photometric,
+    renderer: &'a mut Renderer,
+    model: &'a Model,
+    views: &'a Views,
+    background: [f32; 3],
+    first: u32,
+}
+
+impl Looped for Judging<'_> {
+    fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
+        let Judging { loss, renderer, model, views, background, first } = self;
+        let view = *first + step;
+        let targets = views.record_photograph(recorder, view, None)?;
+        renderer.record(recorder, model, views, view, &Show::all(model, *background), status)?;
+        let batch = Batch {
+            frames: &views.frames,
+            frame_first: view,
+            frame_count: 1,
+            tiles_per_frame: tiles_per_frame(&views.frame_list[view as usize..=view as usize]),
+            image: &renderer.raster.buffers.image,
+            targets,
+        };
+        loss.record_forward(recorder, &batch, Tiles::All, None);
+        loss.record_sum(recorder, &batch, step);
+        Ok(())
+    }
+
+    fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {
+        Ok(self.renderer.raster.grow(needed)?)
+    }
+}
+
 struct Looking<'a> {
     rig: &'a Rig,
-    loss: &'a Option<Photometric>,
     model: &'a Model,
     renderer: &'a mut Renderer,
     views: &'a Views,
@@ -358,7 +400,7 @@ struct Looking<'a> {
 
 impl Looped for Looking<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
-        let Looking { rig, loss, model, renderer, views, first, page } = self;
+        let Looking { rig, model, renderer, views, first, page } = self;
         if step == views.photos {
             rig.record_fits(recorder, model, views, *page);
             return Ok(());
@@ -366,18 +408,6 @@ impl Looped for Looking<'_> {
         let (show, view) = (Show::all(model, rig.background), *first + step);
         let targets = views.record_photograph(recorder, view, None)?;
         let grid = renderer.record(recorder, model, views, view, &show, status)?;
-        if let (Some(loss), 0) = (loss, *page) {
-            let batch = Batch {
-                frames: &views.frames,
-                frame_first: view,
-                frame_count: 1,
-                tiles_per_frame: tiles_per_frame(&views.frame_list[view as usize..=view as usize]),
-                image: &renderer.raster.buffers.image,
-                targets,
-            };
-            loss.record_forward(recorder, &batch, Tiles::All, None);
-            loss.record_sum(recorder, &batch, step);
-        }
         rig.record_look(recorder, (model, views, &renderer.raster), (*page, view, step), (&grid, targets), status);
         Ok(())
     }

@@ -7,11 +7,12 @@
 use glam::DVec3;
 
 use super::{
-    bands::{Bands, Promotion},
+    bands::{Bands, Promotion, squared_error},
     checkpoint::Checkpoint,
     density::{BUDGET_SPAN, DensityOptions},
     learn::sh_moments,
     model::{Model, Room},
+    render::{Needs, RenderOptions, Renderer},
     session::Session,
     train::{BaseOptions, Trainer, dense_trainer},
     views::Views,
@@ -88,9 +89,14 @@ impl Classes {
         (scene, Room { base: (self.limit - banded).max(1), banded, host, ..Room::default() })
     }
 
+    /// Whether no Gaussian has bands.
+    pub fn are_constant(&self) -> bool {
+        self.banded == Some(0)
+    }
+
     /// Degree of the harmonics of the Gaussians that have some.
     pub fn degree(&self) -> u32 {
-        if self.banded == Some(0) { 0 } else { DEGREE }
+        if self.are_constant() { 0 } else { DEGREE }
     }
 
     /// Stores them in a checkpoint.
@@ -105,6 +111,11 @@ impl Classes {
         let banded = banded.first().copied();
         Some(Classes { count, limit, banded }).filter(|_| banded <= Some(limit))
     }
+}
+
+/// Bytes of a Gaussian with bands.
+pub fn most_bytes() -> u64 {
+    gaussian_bytes(0, false) + band_bytes(DEGREE)
 }
 
 /// Number of Gaussians in `bytes`, of which a `share` has bands.
@@ -148,30 +159,34 @@ pub fn measure(
     let count = model.counts()?[0];
     let order: Vec<usize> = (0..count as usize).collect();
     let constant = divided(&checkpoint, &order, count as usize, session.policy.packed)?;
-    let found = |from: &Checkpoint, banded: Option<u32>| -> Result<Option<(Bands, Scene)>> {
+    let learned = |from: &Checkpoint, banded: Option<u32>| -> Result<Option<Model>> {
         let classes = Classes { count, limit: count, banded };
-        // Its memory is free before the search.
-        let scene = {
-            let (empty, room) = classes.room(model.scene_origin, trial.host);
-            let copy = Model::upload_around(&session.context, views.origin, &empty, room)?;
-            let options = BaseOptions { sh_degree: classes.degree(), ..*trial.options };
-            let mut learning = dense_trainer(session, &copy, views, &options, &classes.control(trial.density))?;
-            learning.resume(&copy, from, false)?;
-            let steps = (TRIED * f64::from(options.iterations)).ceil() as u32;
-            learning.go_on_to((checkpoint.step + steps).min(options.iterations));
-            while learning.advance(&copy, views)?.is_some() {
-                if !(trial.goes_on)() {
-                    return Ok(None);
-                }
+        let (empty, room) = classes.room(model.scene_origin, trial.host);
+        let copy = Model::upload_around(&session.context, views.origin, &empty, room)?;
+        let options = BaseOptions { sh_degree: classes.degree(), ..*trial.options };
+        let mut learning = dense_trainer(session, &copy, views, &options, &classes.control(trial.density))?;
+        learning.resume(&copy, from, false)?;
+        let steps = (TRIED * f64::from(options.iterations)).ceil() as u32;
+        learning.go_on_to((checkpoint.step + steps).min(options.iterations));
+        while learning.advance(&copy, views)?.is_some() {
+            if !(trial.goes_on)() {
+                return Ok(None);
             }
-            copy.download()?
-        };
-        Ok(Some((searched(session, &scene, views, halvings, |_| ())?, scene)))
+        }
+        Ok(Some(copy))
     };
-    let without = found(&constant, Some(0))?.map(|(bands, _)| bands.squared_error(views));
-    let Some(without) = without else { return Ok(None) };
-    let Some((with, scene)) = found(&checkpoint, None)? else { return Ok(None) };
-    let error = with.squared_error(views);
+    let without = match learned(&constant, Some(0))? {
+        None => return Ok(None),
+        Some(copy) => {
+            let render = RenderOptions { policy: session.policy, ..Default::default() };
+            let mut renderer = Renderer::new(&session.context, Needs::of(&copy), views, render)?;
+            squared_error(session, &mut renderer, &copy, views, halvings)?
+        }
+    };
+    // The copy's memory is free before the search.
+    let Some(scene) = learned(&checkpoint, None)?.map(|copy| copy.download()).transpose()? else { return Ok(None) };
+    let mut with = searched(session, &scene, views, halvings, |_| ())?;
+    let error = with.squared_error(session, views)?;
     let promised = with.choose_of(DEGREE, u64::MAX, 0.0).gain();
     let least = WORTH * error / scene_bytes(&scene) as f64;
     let share = with.choose_of(DEGREE, u64::MAX, least).gains.len() as f64 / f64::from(count);
@@ -242,7 +257,7 @@ pub fn demote(
     Ok(Some(Scene { base, mixed: true, ..scene.clone() }))
 }
 
-/// A whole search for bands with the squared error, in the photographs with their sides halved `halvings` times.
+/// A whole search for bands, in the photographs with their sides halved `halvings` times.
 fn searched(
     session: &Session,
     scene: &Scene,
@@ -251,7 +266,6 @@ fn searched(
     mut progress: impl FnMut([u32; 2]),
 ) -> Result<Bands> {
     let mut bands = Bands::new(session, scene, views, halvings)?;
-    bands.measure_errors(session, views)?;
     while let Some(done) = bands.advance(views)? {
         progress(done);
     }
@@ -260,8 +274,8 @@ fn searched(
 
 /// Gaussians of `scene` whose bands prevent at least [`WORTH_KEEPING`] times as large a part of the squared error as their part of the bytes.
 fn kept(session: &Session, scene: &Scene, views: &Views, progress: impl FnMut([u32; 2])) -> Result<Promotion> {
-    let bands = searched(session, scene, views, 0, progress)?;
-    let least = WORTH_KEEPING * bands.squared_error(views) / scene_bytes(scene) as f64;
+    let mut bands = searched(session, scene, views, 0, progress)?;
+    let least = WORTH_KEEPING * bands.squared_error(session, views)? / scene_bytes(scene) as f64;
     Ok(bands.choose_of(scene.base.sh_degree, u64::MAX, least))
 }
 
@@ -303,15 +317,15 @@ mod tests {
     #[test]
     fn the_number_of_gaussians_follows_from_the_share_with_bands() {
         let bytes = 1_984_000;
-        // 68 bytes each, or 248 with bands of degree 3; 122 where three of ten have them.
-        assert_eq!([fitting(bytes, 0.0), fitting(bytes, 1.0)], [29_176, 8000]);
-        assert_eq!([Classes::at_first(bytes), Classes::points(bytes)], [16_262, 8131]);
+        // 56 bytes each, or 236 with bands of degree 3; 110 where three of ten have them.
+        assert_eq!([fitting(bytes, 0.0), fitting(bytes, 1.0)], [35_428, 8406]);
+        assert_eq!([Classes::at_first(bytes), Classes::points(bytes)], [18_036, 9018]);
         let first = Classes::points(bytes);
         let before =
             DensityOptions { strategy: Strategy::Budget, limit: Classes::at_first(bytes), first, iterations: 1000 };
         let step = (MEASURED_AT * 1000.0) as u32;
         let count = before.budget(step - 1);
-        for limit in [count, 16_262, 29_176] {
+        for limit in [count, 18_036, 35_428] {
             let classes = Classes { count, limit, banded: None };
             let control = classes.control(&before);
             // Start and budget are rounded. If many more come, the first of them come at once.
@@ -326,10 +340,10 @@ mod tests {
             assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (true, 3, limit - 7, 7));
         }
         // Without any bands more may come.
-        let none = Classes { count, limit: 29_176, banded: Some(0) };
+        let none = Classes { count, limit: 35_428, banded: Some(0) };
         let (scene, room) = none.room(DVec3::ZERO, false);
-        assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (false, 0, 29_176, 0));
-        assert_eq!(none.control(&before).budget(999), 29_176);
+        assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (false, 0, 35_428, 0));
+        assert_eq!(none.control(&before).budget(999), 35_428);
     }
 
     #[test]

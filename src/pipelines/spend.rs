@@ -356,7 +356,7 @@ mod tests {
         assert_eq!(allowance(None).prices(), [256, 248]);
         assert_eq!(Allowance::new(&base(1, 3), 0, 0.1, None).prices(), [76, 248]);
         // Gaussians that are added to a mixed scene have no bands.
-        assert_eq!(Allowance::new(&Scene { mixed: true, ..base(1, 3) }, 0, 0.1, None).prices(), [76, 68]);
+        assert_eq!(Allowance::new(&Scene { mixed: true, ..base(1, 3) }, 0, 0.1, None).prices(), [76, 56]);
     }
 
     #[test]

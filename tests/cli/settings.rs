@@ -90,6 +90,32 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
     assert_eq!(report["gain"]["longer_training"]["measured"], false, "{report}");
 }
 
+/// Training that finds nothing to depend on the view leaves a comment.
+#[test]
+fn a_matte_base_gets_plain_gaussians_only() {
+    let work = Work::new();
+    work.ok("train data -o base.ply --iterations 60 --points 100 --sh-degree 0");
+    let bytes = fs::read(work.path("base.ply")).unwrap();
+    let begin = b"ply\nformat binary_little_endian 1.0\n";
+    let matte = [begin, &b"comment glint matte 1\n"[..], bytes.strip_prefix(begin).unwrap()].concat();
+    fs::write(work.path("matte.ply"), matte).unwrap();
+    let enhance = |base: &str| {
+        let output = work.run(&format!("enhance data --base {base} -o x.ply --bytes 12kB --json --force"));
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let number = |key: &str| found[key].as_u64().unwrap();
+        let seen = number("supplementary_gaussians") + number("banded_gaussians");
+        (seen, number("plain_gaussians"), String::from_utf8(output.stderr).unwrap())
+    };
+    let ((seen, _, said), (none, plain, told)) = (enhance("base.ply"), enhance("matte.ply"));
+    let note = "no color of the base depends on the view: only plain Gaussians are added";
+    assert!(seen > 0 && !said.contains(note), "{seen}: {said}");
+    assert!(none == 0 && plain > 0 && told.contains(note), "{none}, {plain}: {told}");
+    assert_eq!(work.json("info x.ply --json")["trained_with"]["matte"], true);
+    assert!(work.ok("info x.ply").contains("no color depends on the view"));
+    work.ok("enhance data --base matte.ply -o augs.ply --method augs --preset quick --ratio 0.2");
+    assert!(read_scene(work.path("augs.ply")).unwrap().supplement.is_some(), "who asks for lobes gets them");
+}
+
 /// 12 dB is an error of a quarter of the range.
 #[test]
 fn a_scene_of_another_dataset_is_told() {

@@ -10,9 +10,9 @@ fn photos_become_a_scene_a_report_and_a_page() {
     let run = "run data -o out --preset draft --sh-degree 0 --background 0.2,0.2,0.2";
     let found = work.json(&format!("{run} --json"));
     assert_eq!(keys(&found), set("output seconds commands train enhance scenes"));
-    // 7 photos have 5,376 pixels, hence at most 336 Gaussians of 68 bytes; 65 % are for the base.
+    // 7 photos have 5,376 pixels, hence at most 336 Gaussians of 56 bytes; 65 % are for the base.
     assert_eq!(found["train"]["gaussians"], 218);
-    assert!(found["enhance"]["bytes_added"].as_u64().unwrap() <= (336 - 218) * 68, "{found}");
+    assert!(found["enhance"]["bytes_added"].as_u64().unwrap() <= (336 - 218) * 56, "{found}");
     let names: Vec<&str> = found["scenes"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["base", "scene"]);
     let written =
@@ -56,7 +56,7 @@ fn photos_become_a_scene_a_report_and_a_page() {
     let commands: Value = serde_json::from_slice(&fs::read(work.path("out/run.json")).unwrap()).unwrap();
     let line = |i: usize| commands["commands"][i].as_str().unwrap();
     assert!(
-        line(0).contains("--gaussians 286 --points 143 --time 27.5s -o out/base.ply --device nonesuch --holdout none"),
+        line(0).contains("--gaussians 348 --points 174 --time 27.5s -o out/base.ply --device nonesuch --holdout none"),
         "{commands}"
     );
     assert!(line(2).ends_with("--split train --device nonesuch --holdout none"), "{commands}");
@@ -86,7 +86,7 @@ fn foreign_files_are_not_replaced() {
     fs::create_dir(work.path("out")).unwrap();
     fs::write(work.path("out/base.ply"), "mine").unwrap();
     work.refused("run data -o out", &["out", "base.ply, which is not of a run", "--restart"]);
-    work.refused("run data -o out --bytes 60", &["a scene of 60 bytes", "a Gaussian takes 248"]);
+    work.refused("run data -o out --bytes 60", &["a scene of 60 bytes", "a Gaussian takes 236"]);
     work.refused("run data -o data/images", &["data/images", "expected another output folder"]);
 }
 
@@ -116,7 +116,7 @@ fn colmap_finds_poses_of_photos_without() {
     assert!(said.contains("5 photos without poses") && said.contains("run again without"), "{said}");
     let photos = work.path("photos").canonicalize().unwrap();
     let first = format!(
-        "1/4: glint train out/colmap --sh-degree 0 --gaussians 286 --points 143 --iterations 7000 -o out/base.ply --eval-every 1400 --device nonesuch --images {}",
+        "1/4: glint train out/colmap --sh-degree 0 --gaussians 348 --points 174 --iterations 7000 -o out/base.ply --eval-every 1400 --device nonesuch --images {}",
         photos.display()
     );
     assert!(said.contains(&first) && said.contains("error: --device"), "{said}");

@@ -228,6 +228,7 @@ fn what_a_scene_was_trained_with_is_kept_or_missed() {
         antialiased: Some(true),
         max_size: Some(400),
         exposure: Some(true),
+        matte: Some(true),
         part: Some(PartOf { plan: 0xfe, part: 3, of: 8, complete: true }),
     };
     for &format in SceneFormat::ALL {

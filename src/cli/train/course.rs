@@ -238,7 +238,8 @@ impl Training<'_> {
         }
         let scene = self.model.download()?;
         let ended = !(interrupt.asked() && self.at.is_going_on());
-        write_ply(&self.args.output, &scene, None, self.trained_with.ended(ended))?;
+        let matte = self.course.classes.is_some_and(|classes| classes.are_constant()).then_some(true);
+        write_ply(&self.args.output, &scene, None, TrainedWith { matte, ..self.trained_with.ended(ended) })?;
         if !interrupt.asked() {
             self.evaluate(&scene)?;
         }
