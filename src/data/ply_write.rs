@@ -67,7 +67,7 @@ pub fn gaussian_bytes(sh_degree: u32, lobed: bool) -> u64 {
     4 * (columns(sh_degree, lobed).len() as u64 + normals)
 }
 
-/// Whether Gaussians have normals in a file, all 0. The reference trainer writes them, and some readers of its harmonics require them.
+/// Whether Gaussians have normals in a file, all 0. The reference trainer writes them, and some readers expect its layout of harmonics.
 fn has_normals(sh_degree: u32, lobed: bool) -> bool {
     sh_degree > 0 && !lobed
 }
