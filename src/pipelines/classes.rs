@@ -89,14 +89,15 @@ impl Classes {
         (scene, Room { base: (self.limit - banded).max(1), banded, host, ..Room::default() })
     }
 
-    /// Whether no Gaussian has bands.
-    pub fn are_constant(&self) -> bool {
-        self.banded == Some(0)
+    /// Whether [`measure`] found that no color gains by depending on the view, and the scene had room to grow without bands. If all bands
+    /// went late, each showed too little for its bytes, and lobes may still gain.
+    pub fn are_matte(&self) -> bool {
+        self.banded == Some(0) && self.limit > self.count
     }
 
     /// Degree of the harmonics of the Gaussians that have some.
     pub fn degree(&self) -> u32 {
-        if self.are_constant() { 0 } else { DEGREE }
+        if self.banded == Some(0) { 0 } else { DEGREE }
     }
 
     /// Stores them in a checkpoint.
@@ -344,6 +345,8 @@ mod tests {
         let (scene, room) = none.room(DVec3::ZERO, false);
         assert_eq!((scene.mixed, scene.base.sh_degree, room.base, room.banded), (false, 0, 35_428, 0));
         assert_eq!(none.control(&before).budget(999), 35_428);
+        // Bands that went late are no sign of a matte scene.
+        assert!(none.are_matte() && !Classes { count: none.limit, ..none }.are_matte());
     }
 
     #[test]

@@ -95,10 +95,8 @@ fn a_run_says_what_it_is_on_and_what_it_was_worth() {
 fn a_matte_base_gets_plain_gaussians_only() {
     let work = Work::new();
     work.ok("train data -o base.ply --iterations 60 --points 100 --sh-degree 0");
-    let bytes = fs::read(work.path("base.ply")).unwrap();
-    let begin = b"ply\nformat binary_little_endian 1.0\n";
-    let matte = [begin, &b"comment glint matte 1\n"[..], bytes.strip_prefix(begin).unwrap()].concat();
-    fs::write(work.path("matte.ply"), matte).unwrap();
+    // So short a trial finds nothing in these photos.
+    work.ok("train data -o matte.ply --iterations 40 --bytes 10kB");
     let enhance = |base: &str| {
         let output = work.run(&format!("enhance data --base {base} -o x.ply --bytes 12kB --json --force"));
         let found: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -238,7 +238,7 @@ impl Training<'_> {
         }
         let scene = self.model.download()?;
         let ended = !(interrupt.asked() && self.at.is_going_on());
-        let matte = self.course.classes.is_some_and(|classes| classes.are_constant()).then_some(true);
+        let matte = self.course.classes.is_some_and(|classes| classes.are_matte()).then_some(true);
         write_ply(&self.args.output, &scene, None, TrainedWith { matte, ..self.trained_with.ended(ended) })?;
         if !interrupt.asked() {
             self.evaluate(&scene)?;
