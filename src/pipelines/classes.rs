@@ -35,7 +35,7 @@ pub const TRIED: f64 = 0.05;
 pub const DEMOTED_AT: f64 = BUDGET_SPAN[2];
 /// Part of the squared error that bands must prevent after the trial, relative to their part of the bytes. They prevent less than in the end
 /// (docs/experiments/2026-11-30-number.md).
-pub const WORTH: f64 = 0.7;
+pub const WORTH: f64 = 0.5;
 /// Part of the squared error that bands must prevent in the end, relative to their part of the bytes
 /// (docs/experiments/2026-11-30-demotion.md).
 pub const WORTH_KEEPING: f64 = 8.0;
