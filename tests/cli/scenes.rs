@@ -12,8 +12,8 @@ fn broken(work: &Work, name: &str, scene: &Scene, rows: &[usize]) {
     let mut bytes = fs::read(work.path(name)).unwrap();
     let body = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     for row in rows {
-        // SH degree 0: position, normal and color come first.
-        let at = body + 4 * (17 * row + 9);
+        // SH degree 0: position and color come first.
+        let at = body + 4 * (14 * row + 6);
         bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     }
     fs::write(work.path(name), bytes).unwrap();

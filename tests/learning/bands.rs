@@ -314,8 +314,8 @@ fn the_number_follows_from_what_depends_on_the_view() {
         measured.unwrap().unwrap().0.limit
     };
     let [glossy, diffuse] = [true, false].map(measured);
-    // 948 without bands, 225 if all have some.
-    assert!(glossy < 400 && diffuse > 700, "{glossy} {diffuse}");
+    // 948 without bands, 225 if all have some, 617 if a sixth has.
+    assert!(glossy < 400 && diffuse > 600, "{glossy} {diffuse}");
 }
 
 /// If nothing depends on the view, bands promise 0.3 % of the error. A choice without a price still takes most Gaussians.
