@@ -1,6 +1,6 @@
 //! Reads scenes from PLY files.
 //!
-//! The layout is that of the 3DGS reference trainer: element `vertex` with x y z, nx ny nz (ignored),
+//! The layout is that of the 3DGS reference trainer: element `vertex` with x y z, nx ny nz (ignored, and not written with constant colors),
 //! f_dc_0..2, f_rest_0..(3(L+1)²−4) channel-major, opacity (logit), scale_0..2 (natural log), rot_0..3 (w x y
 //! z). Spherical betas have sb_params_0..11 instead of f_rest, like DBS: r, g, b, θ, φ and b of both lobes,
 //! number by number. Supplementary Gaussians are a second element `augmented` with the same properties and
