@@ -1,8 +1,8 @@
 #version 460
 // Computes the gain of every candidate not yet chosen in the views of a page, given the part of the residual
-// that earlier choices explain.
+// that earlier choices explain. A candidate that gains nothing in one round is out in all later ones.
 //
-// One subgroup takes one candidate, its lanes one view after another: most candidates gain nothing after a few
+// One subgroup takes one candidate, its lanes one view after another: most candidates are out after a few
 // rounds, and their subgroups end at once. views, plots, surface_depths, texels, explained, candidates, fits,
 // gain_keys -> gains and their squares by view, which are added to in the order of views, so that neither the
 // subgroup's size nor the split into pages changes a rounding. With `last`, `doubt` times the standard
@@ -52,6 +52,11 @@ float gain_in(uint v, Candidate c, Fit fit) {
 void main() {
     uint i = subgroup_index();
     if (i >= push.count) return;
+    // Out: squares below 0, in all pages of a round.
+    if (push.begin != 0 ? gains[i] <= 0.0 : gain_squares[i] < 0.0) {
+        if (subgroupElect()) gain_squares[i] = -1.0;
+        return;
+    }
     Fit fit = fits[i];
     float gain = push.begin != 0 ? 0.0 : gains[i], square = push.begin != 0 ? 0.0 : gain_squares[i];
     if (fit.gain > 0.0 && gain_keys[i] == NONE) {

@@ -398,6 +398,8 @@ impl Placer {
             );
         }
         recorder.fill(&w.gain_keys, NONE);
+        // No candidate is out yet.
+        recorder.fill(&w.gains, f32::MAX.to_bits());
     }
 
     pub(crate) fn record_fit(&self, recorder: &mut Recorder, views: &Views, chunk: u32) {
