@@ -1,6 +1,6 @@
 #version 460
 // Computes the gain of every candidate not yet chosen in the views of a page, given the part of the residual
-// that earlier choices explain. A candidate that gains nothing in one round is out in all later ones.
+// that earlier choices explain. A candidate that gains nothing in one round is out in all later ones: the gain of its fit becomes 0.
 //
 // One subgroup takes one candidate, its lanes one view after another: most candidates are out after a few
 // rounds, and their subgroups end at once. views, plots, surface_depths, texels, explained, candidates, fits,
@@ -24,7 +24,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 layout(set = 0, binding = 5, scalar) readonly buffer Explained { uint explained[]; };
-layout(set = 0, binding = 6, scalar) readonly buffer Fits { Fit fits[]; };
+layout(set = 0, binding = 6, scalar) buffer Fits { Fit fits[]; };
 layout(set = 0, binding = 7, scalar) readonly buffer GainKeys { uint gain_keys[]; };
 layout(set = 0, binding = 8, scalar) buffer Gains { float gains[]; };
 layout(set = 0, binding = 9, scalar) buffer GainSquares { float gain_squares[]; };
@@ -52,14 +52,11 @@ float gain_in(uint v, Candidate c, Fit fit) {
 void main() {
     uint i = subgroup_index();
     if (i >= push.count) return;
-    // Out: squares below 0, in all pages of a round.
-    if (push.begin != 0 ? gains[i] <= 0.0 : gain_squares[i] < 0.0) {
-        if (subgroupElect()) gain_squares[i] = -1.0;
-        return;
-    }
     Fit fit = fits[i];
+    bool is_open = fit.gain > 0.0 && gain_keys[i] == NONE;
+    bool ends = is_open && push.begin != 0 && gains[i] <= 0.0; // of the round before
     float gain = push.begin != 0 ? 0.0 : gains[i], square = push.begin != 0 ? 0.0 : gain_squares[i];
-    if (fit.gain > 0.0 && gain_keys[i] == NONE) {
+    if (is_open && !ends) {
         Candidate c = candidates[i];
         for (uint first = push.view_first; first < push.view_end; first += gl_SubgroupSize) {
             uint v = first + gl_SubgroupInvocationID;
@@ -73,6 +70,7 @@ void main() {
         }
     }
     if (!subgroupElect()) return;
+    if (ends) fits[i].gain = 0.0;
     gain_squares[i] = square;
     gains[i] = push.last != 0 ? gain - push.doubt * sqrt(square) : gain; // guard: pursuit: gains that few views tell
 }

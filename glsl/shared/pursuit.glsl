@@ -80,7 +80,7 @@ struct Fit {
     float opacity; // 0 to 1
     float width;   // T of the lobe; 0: no lobe, a plain Gaussian
     vec3 color;   // sRGB
-    float gain;    // decrease of the squared error over all views, px; 0: none
+    float gain;    // decrease of the squared error over all views, px; 0: none, or out after a round without a gain
     float support; // sum over views of the squared lobe factor times the footprint's area, px: C of pursuit_score
     float plain;   // gain of the best fit without a lobe, 0 if it gains nothing
 };

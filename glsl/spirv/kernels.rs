@@ -727,7 +727,7 @@ kernel! {
         Read candidates: Candidate = 0b11111111,
         Read texels: Texel = 0b0,
         Read explained: u32 = 0b0,
-        Read fits: Fit = 0b111111111,
+        ReadWrite fits: Fit = 0b111111111,
         Read gain_keys: u32 = 0b0,
         ReadWrite gains: f32 = 0b1,
         ReadWrite gain_squares: f32 = 0b1,

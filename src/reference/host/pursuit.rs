@@ -194,13 +194,12 @@ pub(super) fn pursuit_gain(h: kernels::pursuit_gain::Host<'_>) -> Outcome {
     let p = &h.push;
     let page = Page::new(h.views, h.plots, h.surface_depths, h.texels, (p.view_first, p.view_end));
     for i in 0..p.count as usize {
-        let out = if p.begin != 0 { h.gains[i] <= 0.0 } else { h.gain_squares[i] < 0.0 };
-        if out {
-            h.gain_squares[i] = -1.0;
-            continue;
+        let is_open = h.gain_keys[i] == NONE;
+        if is_open && p.begin != 0 && h.gains[i] <= 0.0 {
+            h.fits[i].gain = 0.0;
         }
         let mut sums = if p.begin != 0 { [0.0; 2] } else { [h.gains[i], h.gain_squares[i]].map(f64::from) };
-        if h.fits[i].gain > 0.0 && h.gain_keys[i] == NONE {
+        if h.fits[i].gain > 0.0 && is_open {
             let (c, fit) = (Candidate::from(&h.candidates[i]), Fit::from(&h.fits[i]));
             let more = twin::pursuit_gain::pursuit_gain(&page.ground(), h.explained, &c, &fit, p.caution.into());
             sums = [sums[0] + more[0], sums[1] + more[1]];
