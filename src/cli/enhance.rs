@@ -23,7 +23,9 @@ use super::{
     output::{Inputs, OutputArgs, check_room},
     print, print_json,
     progress::{Progress, note},
-    tell_run, units,
+    tell_run,
+    train::storage::PhotosOn,
+    units,
 };
 use crate::{
     Error, Result,
@@ -34,7 +36,6 @@ use crate::{
         enhance::{EnhanceOptions, Enhanced, Method},
         join::JoinOptions,
         lift::LiftOptions,
-        photographs::Storage,
         pursuit::Kinds,
         screen::Schedule,
         session::{Policy, Session},
@@ -47,6 +48,11 @@ use crate::{
 
 pub(super) mod drive;
 pub(super) mod report;
+
+/// Bytes of a photo's pixel and of its errors while Gaussians are placed, and the share of the device's memory that all
+/// may take there.
+const PIXEL_BYTES: f64 = 40.0;
+const PHOTOS_SHARE: f64 = 0.75;
 
 const EXAMPLES: &str = "\
 Gaussians are placed to reduce the squared error of all training photos most: with a lobe, so that their opacity depends on \
@@ -338,12 +344,26 @@ impl Args {
         Ok(file)
     }
 
+    /// Chooses where the photos lie; prints a note if that is not the device.
+    fn photos_on(&self, context: &Context, photos: &[&Photo]) -> Result<PhotosOn> {
+        if self.method == Method::Augs {
+            return Ok(PhotosOn::Device);
+        }
+        let pixels: u64 = photos.iter().map(|photo| u64::from(photo.camera.pixels())).sum();
+        let fits = PIXEL_BYTES * pixels as f64 <= PHOTOS_SHARE * context.memory_at_most() as f64;
+        let on = PhotosOn::choose(fits, context.staging_memory(), pixels);
+        check_room(&self.output, on.file_bytes(pixels), 0)?;
+        on.tell(pixels, ", because the device's memory does not hold them and their errors");
+        Ok(on)
+    }
+
     /// Runs the augmentation, until `end` at the latest, and prints its report.
     fn augment(&self, context: &Context, look_at: &mut Look<'_>, mut task: Task<'_>, end: Option<Instant>) -> Outcome {
         let Task { dataset, ref photos, scene, policy, trained_with, .. } = task;
         let (background, extent) = (dataset.background, dataset.extent() as f32);
         let session = self.common.learn.session(context, policy, background, extent, self.seed.into());
-        let (views, checksums) = upload(context, photos, background, 0, Storage::Device, false)?;
+        let on = self.photos_on(context, photos)?;
+        let (views, checksums) = upload(context, photos, background, 0, on.storage(&self.output)?, false)?;
         if let Some(total) = self.total_bytes {
             let bar = Progress::new("weighing bands", "steps", 1);
             let demoted = demote(&session, scene, &views, total, |[done, all]| bar.set_of(done.into(), all.into()))?;

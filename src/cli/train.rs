@@ -11,7 +11,7 @@ pub(super) use first::fit;
 use first::{First, checksum};
 use serde::Serialize;
 use serde_json::json;
-use storage::{GaussiansOn, PhotosOn, PlaceArgs, photo_bytes};
+use storage::{GaussiansOn, PhotosOn, PlaceArgs};
 
 use super::{
     CommonArgs, Look, Outcome, SceneArgs, WatchArgs, Watched, counted,
@@ -45,7 +45,7 @@ use crate::{
 
 mod course;
 mod first;
-mod storage;
+pub(super) mod storage;
 
 const EXAMPLES: &str = "\
 Gaussians start at the dataset's sparse points, or at random points if there are none. The default --strategy adds more where \
@@ -334,12 +334,15 @@ impl Args {
         let control = course.density(self.iterations);
         let most = course.most.max(course.first);
         let size = self.model.bytes.unwrap_or(u64::from(most) * gaussian_bytes(course.sh_degree, false));
-        let on_disk = if on == PhotosOn::Disk { photo_bytes(pixels) } else { 0 };
-        check_room(&self.output, size + on_disk, self.kept_bytes(most, test.as_deref().unwrap_or_default()))?;
+        check_room(
+            &self.output,
+            size + on.file_bytes(pixels),
+            self.kept_bytes(most, test.as_deref().unwrap_or_default()),
+        )?;
         let session =
             self.common.learn.session(context, policy, dataset.background, dataset.extent() as f32, self.seed);
         let (views, checksums) =
-            upload(context, &photos, dataset.background, course.halvings, self.storage(on)?, !self.exposure)?;
+            upload(context, &photos, dataset.background, course.halvings, on.storage(&self.output)?, !self.exposure)?;
         self.tell_memory(
             if on == PhotosOn::Device { pixels } else { 0 },
             most,

@@ -13,12 +13,12 @@ use super::{
     bands::{Bands, Promotion},
     checkpoint::Checkpoint,
     join::{JoinOptions, course, join_for},
-    learn::NEWTON_PART,
+    learn::{NEWTON_PART, WORKING_BYTES, learning_bytes},
     lift::{LiftOptions, LiftPhase, Lifted},
     model::{Model, Room, Segment},
     pursuit::{self, Placed, Pursuit, PursuitOptions},
     render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer},
-    screen::{self, Refiner, Schedule, base_renders, budgets},
+    screen::{self, Refiner, Schedule, base_losses, budgets},
     session::Session,
     spend::{Allowance, Spending, TrainingOn, Weigh},
     train::{TrainReport, Trainer},
@@ -355,10 +355,14 @@ impl Enhancer {
 
     /// Pursuit: computes the residuals of the base, and chooses the next stage.
     fn look(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
-        self.found.base_losses = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
+        self.found.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
         let [lobes, plain] = self.allowance.most();
         let most = lobes.max(plain);
-        let mut pursuit = Pursuit::new(&self.session, views, most, self.options.pursuit)?;
+        // The trial of longer training and the joint phase make these beside pursuit.
+        let each = learning_bytes(self.model.sh_degree, false, true).iter().sum::<u64>() + WORKING_BYTES;
+        let spare = u64::from(self.model.capacity()) * each;
+        let options = PursuitOptions { spare, ..self.options.pursuit };
+        let mut pursuit = Pursuit::new(&self.session, views, most, options)?;
         if self.allowance.bytes.is_some() {
             pursuit.charge(self.allowance.prices());
         }
@@ -499,13 +503,11 @@ impl Enhancer {
 
     /// The paper's method: computes the budget of 2D Gaussians of each view.
     fn share_out(&mut self, views: &Views, started: Instant) -> Result<Option<Event>> {
-        let renders = base_renders(&self.session, &mut self.renderer, &self.model, views)?;
-        self.found.base_losses = renders.losses;
+        self.found.base_losses = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
         self.found.budgets = budgets(&self.found.base_losses, self.allowance.gaussians);
         self.model.reserve(Segment::Supplement, self.found.budgets.iter().sum())?;
         self.found.times.base = started.elapsed();
-        let (schedule, first) = (self.options.schedule, Some(renders.first));
-        self.refiner = Some(Refiner::new(&self.session, views, &self.found.budgets, schedule, first)?);
+        self.refiner = Some(Refiner::new(&self.session, views, &self.found.budgets, self.options.schedule)?);
         self.found.times.screen = started.elapsed() - self.found.times.base;
         self.next = Next::Batch(0);
         Ok(Some(Event::Base))
@@ -655,7 +657,7 @@ impl Enhancer {
     /// Checks whether the trained base alone is still as good as the original.
     fn finish_join(&mut self, views: &Views) -> Result<()> {
         self.next = Next::Done;
-        let now = base_renders(&self.session, &mut self.renderer, &self.model, views)?.losses;
+        let now = base_losses(&self.session, &mut self.renderer, &self.model, views)?;
         // NaN counts as worse.
         let [now, before] = [&now, &self.found.base_losses].map(|losses| losses.iter().sum::<f64>());
         self.worse_alone = now > before || now.is_nan() || before.is_nan();

@@ -137,6 +137,10 @@ pub fn learning_bytes(sh_degree: u32, packed: bool, newton: bool) -> [u64; 2] {
     [bytes(GEOMETRY_PLANES), others.map(bytes).iter().sum()]
 }
 
+/// Bytes of a Gaussian beyond its learned ones: 52 of its splat, 40 for each of about six intersections
+/// (checked by `tests/invariants/model.rs`), and scores.
+pub const WORKING_BYTES: u64 = 320;
+
 /// Planes parallel to a segment's own: moments or gradients.
 pub struct Beside {
     /// Parallel to the geometry planes of [`layout`](crate::scene::layout).

@@ -69,6 +69,11 @@ pub struct PursuitOptions {
     /// Degree of the harmonics of Gaussians with lobes, at most the base's. Their lobes already depend on the
     /// view: more bands gain nothing on the whole (docs/results.md) and take three times the bytes.
     pub lobe_degree: u32,
+    /// Maximum number of views to look at, evenly spread; `None` for as many as fit three quarters of the free memory beyond `spare`, at some
+    /// 34 bytes a pixel. Gains and errors of all views are estimates from these.
+    pub views: Option<u32>,
+    /// Memory to leave free for what follows, bytes.
+    pub spare: u64,
     /// Maximum number of texels per page; `None` for the device's limit.
     pub page: Option<u32>,
 }
@@ -89,6 +94,8 @@ impl Default for PursuitOptions {
             doubt: 0.5,
             least_opacity: 0.1,
             lobe_degree: 0,
+            views: None,
+            spare: 0,
             page: None,
         }
     }
@@ -151,13 +158,13 @@ pub struct Pursuit {
 }
 
 impl Pursuit {
-    /// Places at most `most` Gaussians, over all of `views`, whose photographs must be uploaded. Waits.
+    /// Places at most `most` Gaussians by their gain in `views`, whose photographs must be uploaded. Waits.
     ///
     /// # Errors
     /// Errors of the device; [`Error::Usage`] for more views or pixels than 32 bits can count.
     pub fn new(session: &Session, views: &Views, most: u32, options: PursuitOptions) -> Result<Self> {
         let placer = Placer::new(session, views, most, options)?;
-        let steps = Steps::new(&session.context, STEPS_PER_SUBMISSION)?;
+        let steps = Steps::new(&session.context, STEPS_PER_SUBMISSION.min(views.views_at_once()))?;
         Ok(Pursuit { placer, steps, job: Job::Done, brief: false })
     }
 
@@ -183,7 +190,7 @@ impl Pursuit {
         let p = &self.placer;
         p.work.counts.upload(0, &[p.blocks(), 0, p.candidates, 0, p.most, 0, 0])?;
         (self.job, self.brief) = (Job::Look, false);
-        self.steps.start(p.plot_list.len() as u32, false)
+        self.steps.start(p.looks(), false)
     }
 
     /// Ends the rounds of the placement in progress, after one if none is done: what they have chosen is placed.
@@ -198,13 +205,12 @@ impl Pursuit {
     /// `renderer` must have depth and room for all of `model`.
     pub fn advance(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Option<Progress>> {
         let placer = &self.placer;
-        let looks = placer.plot_list.len() as u32;
-        let (choices, fits) = (placer.choices(), placer.fits());
+        let (looks, choices, fits) = (placer.looks(), placer.choices(), placer.fits());
         let steps = looks + choices + 1;
         loop {
             let advanced = match self.job {
                 Job::Look => self.steps.advance(&mut Look { placer, renderer, model, views })?,
-                Job::Choose => self.steps.advance(&mut Choose { placer, views })?,
+                Job::Choose => self.steps.advance(&mut Choose { placer })?,
                 Job::Place => self.steps.advance(&mut Place { placer, model })?,
                 Job::Done => return Ok(None),
             };
@@ -231,19 +237,20 @@ impl Pursuit {
 
     /// Squared error over pixels and channels of all views, as last rendered. Waits.
     pub fn squared_error(&self) -> Result<f64> {
-        Ok(self.placer.work.squares.download()?.into_iter().map(f64::from).sum())
+        let looked: f64 = self.placer.work.squares.download()?.into_iter().map(f64::from).sum();
+        Ok(looked / f64::from(self.placer.share))
     }
 
     /// Squared error of `model` over pixels and channels of all views; places nothing. Waits.
     pub fn measure(&mut self, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<f64> {
         let placer = &self.placer;
-        self.steps.run(placer.plot_list.len() as u32, false, &mut Look { placer, renderer, model, views }, |_| ())?;
+        self.steps.run(placer.looks(), false, &mut Look { placer, renderer, model, views }, |_| ())?;
         self.squared_error()
     }
 
-    /// Whether all views have been rendered and nothing was chosen yet.
+    /// Whether all looked-at views have been rendered and nothing was chosen yet.
     pub fn has_looked(&self, progress: Progress) -> bool {
-        progress.step == self.placer.plot_list.len() as u32
+        progress.step == self.placer.looks()
     }
 
     /// Sets the minimum gain of a Gaussian in squared error.
@@ -264,7 +271,7 @@ impl Pursuit {
         let (keys, order) = (sorted.keys.download_range(0, kept)?, sorted.values.download_range(0, kept)?);
         let fits = p.work.fits.download()?;
         let one = |(key, i): (u32, u32)| {
-            let (gain, fit) = (f32::from_bits(!key), fits.get(i as usize).copied().unwrap_or_default());
+            let (gain, fit) = (f32::from_bits(!key) / p.share, fits.get(i as usize).copied().unwrap_or_default());
             // Overlap and caution reduce both gains in the same proportion.
             let plain = if fit.gain > 0.0 { gain * fit.plain / fit.gain } else { 0.0 };
             Chosen { gain, lobe: fit.width > 0.0, plain }
@@ -279,7 +286,7 @@ impl Pursuit {
         let lifts: Vec<Lift> = p.work.lifts.download()?.into_iter().take_while(|lift| lift.cluster_size > 0).collect();
         let lobes = lifts.iter().filter(|lift| lift.lobe_width > 0.0).count() as u32;
         let keys = p.sorted().keys.download_range(0, lifts.len())?;
-        let gains = keys.into_iter().map(|key| f32::from_bits(!key)).collect();
+        let gains = keys.into_iter().map(|key| f32::from_bits(!key) / p.share).collect();
         Ok(Placed { lobes, plain: lifts.len() as u32 - lobes, lifts, gains })
     }
 }
@@ -303,15 +310,14 @@ impl Looped for Look<'_> {
 
 struct Choose<'a> {
     placer: &'a Placer,
-    views: &'a Views,
 }
 
 impl Looped for Choose<'_> {
     fn record(&mut self, recorder: &mut Recorder, step: u32, status: &Buffer<u32>) -> Result<()> {
         match step {
-            0 => self.placer.record_draw(recorder, self.views, status),
-            step if step <= self.placer.fits() => self.placer.record_fit(recorder, self.views, step - 1),
-            _ => self.placer.record_round(recorder, self.views),
+            0 => self.placer.record_draw(recorder, status),
+            step if step <= self.placer.fits() => self.placer.record_fit(recorder, step - 1),
+            _ => self.placer.record_round(recorder),
         }
         Ok(())
     }

@@ -2,15 +2,15 @@
 //! the fixed base render. Many views run at once, but independently: a view's result does not depend on the
 //! rest of its batch.
 //!
-//! base_renders → budgets → for each batch: [`Refiner`], then lift the remaining Gaussians on the device.
+//! base_losses → budgets → for each batch: [`Refiner`], then lift the remaining Gaussians on the device.
 
 pub mod batch;
 pub mod rig;
 
-use std::{mem, ops::Range};
+use std::ops::Range;
 
-use batch::{ScreenSizes, batches, frames_of};
-use rig::{LEARNED, Screen};
+use batch::{BATCH_PIXELS, batches, frames_of, sizes_of};
+use rig::Screen;
 
 use super::{
     loss::{Batch, LossOptions, Photometric, Tiles},
@@ -22,7 +22,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gpu::{Buffer, Context, Location, Recorder},
+    gpu::{Buffer, Recorder},
     stages::{
         constants::{
             constants::NONE,
@@ -36,8 +36,7 @@ use crate::{
 
 /// Steps per submission: a step has some 30 dispatches.
 const STEPS_PER_SUBMISSION: u32 = 10;
-/// Stored renders must leave one part in this number of a batch's memory free, as memory is allocated in
-/// blocks.
+/// A batch leaves one part in this number of its memory free, as memory is allocated in blocks.
 const SPARE: u64 = 4;
 
 /// Numbers of steps and draws of the screen phase.
@@ -126,74 +125,52 @@ pub fn budgets(losses: &[f64], most: u32) -> Vec<u32> {
     losses.iter().map(|&l| if total > 0.0 { (f64::from(most) * usable(l) / total).ceil() as u32 } else { 0 }).collect()
 }
 
-/// Renders of the base and their losses.
-pub struct BaseRenders {
-    /// By view: 0.8 · L1 + 0.2 · (1 − SSIM).
-    pub losses: Vec<f64>,
-    /// Renders of the first batch; the others reuse the same memory.
-    pub first: Backdrop,
-}
-
-/// Background of a batch's 2D Gaussians, by pixel of the batch.
-pub struct Backdrop {
-    images: Buffer<[f32; 4]>,
-    /// Camera z, 0: none.
-    depths: Buffer<f32>,
-}
-
-impl Backdrop {
-    fn new(context: &Context, pixels: u32) -> Result<Self> {
-        let images = Buffer::new(context, "backdrop", pixels as usize, Location::Device)?;
-        Ok(Backdrop { images, depths: Buffer::new(context, "depths", pixels as usize, Location::Device)? })
-    }
-}
-
-/// Renders the base in every view, and compares it with the photographs; `renderer` must have depth. Waits.
+/// Loss of the base in each view, 0.8 L1 + 0.2 (1 − SSIM), one view after the other. Waits.
 ///
 /// # Errors
 /// If the device's memory is too small, or the device fails.
-pub fn base_renders(session: &Session, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<BaseRenders> {
-    let context = &session.context;
-    let batches = batches(context, views);
-    let all_frames: Vec<Vec<Frame>> = batches.iter().map(|b| frames_of(views, b)).collect();
-    let sizes = all_frames.iter().map(|f| ScreenSizes::of_frames(f, 0)).fold(ScreenSizes::default(), ScreenSizes::max);
-    let options = LossOptions { tiles: sizes.loss_tiles, losses: sizes.frames, ..Default::default() };
-    let loss = Photometric::new(context, &options)?;
-    let first = Backdrop::new(context, sizes.pixels)?;
-    let frames = Buffer::new(context, "base_frames", sizes.frames as usize, Location::Device)?;
-    let mut steps = Steps::new(context, STEPS_PER_SUBMISSION)?;
-    let mut losses = vec![0.0; views.cameras.len()];
-    // The first batch comes last, so that its renders remain.
-    for (batch, list) in batches.iter().zip(&all_frames).rev() {
-        frames.upload(0, list)?;
-        let mut work = BaseWork {
-            renderer,
-            model,
-            views,
-            background: session.background,
-            first: batch.start as u32,
-            list,
-            images: &first.images,
-            depths: &first.depths,
+pub fn base_losses(session: &Session, renderer: &mut Renderer, model: &Model, views: &Views) -> Result<Vec<f64>> {
+    let count = views.cameras.len() as u32;
+    let tiles_per_frame = tiles_per_frame(&views.frame_list);
+    let options = LossOptions { tiles: tiles_per_frame, losses: count, ..Default::default() };
+    let loss = Photometric::new(&session.context, &options)?;
+    let mut work = BaseLosses { renderer, model, views, background: session.background, loss: &loss, tiles_per_frame };
+    let mut steps = Steps::new(&session.context, STEPS_PER_SUBMISSION.min(views.views_at_once()))?;
+    steps.run(count, false, &mut work, |_| ())?;
+    Ok(loss.losses.mapped().iter().map(|loss| loss.total.into()).collect())
+}
+
+/// Step v computes the loss of view v.
+struct BaseLosses<'a> {
+    renderer: &'a mut Renderer,
+    model: &'a Model,
+    views: &'a Views,
+    background: [f32; 3],
+    loss: &'a Photometric,
+    tiles_per_frame: u32,
+}
+
+impl Looped for BaseLosses<'_> {
+    fn record(&mut self, recorder: &mut Recorder, view: u32, status: &Buffer<u32>) -> Result<()> {
+        let targets = self.views.record_photograph(recorder, view, None)?;
+        let show = Show { upto: Segment::Base, degree: self.model.sh_degree, background: self.background };
+        self.renderer.record(recorder, self.model, self.views, view, &show, status)?;
+        let batch = Batch {
+            frames: &self.views.frames,
+            frame_first: view,
+            frame_count: 1,
+            tiles_per_frame: self.tiles_per_frame,
+            image: &self.renderer.raster.buffers.image,
+            targets,
         };
-        steps.run(list.len() as u32, false, &mut work, |_| ())?;
-        let of_batch = Batch {
-            frames: &frames,
-            frame_first: 0,
-            frame_count: list.len() as u32,
-            tiles_per_frame: tiles_per_frame(list),
-            image: &first.images,
-            targets: views.targets(batch.start)?,
-        };
-        let mut recorder = context.recorder("base losses")?;
-        loss.record_forward(&mut recorder, &of_batch, Tiles::All, None);
-        loss.record_sum(&mut recorder, &of_batch, 0);
-        recorder.submit()?.wait()?;
-        for (to, found) in losses[batch.clone()].iter_mut().zip(loss.losses.mapped()) {
-            *to = found.total.into();
-        }
+        self.loss.record_forward(recorder, &batch, Tiles::All, None);
+        self.loss.record_sum(recorder, &batch, view);
+        Ok(())
     }
-    Ok(BaseRenders { losses, first })
+
+    fn grow(&mut self, _: Resource, needed: u32) -> Result<()> {
+        Ok(self.renderer.raster.grow(needed)?)
+    }
 }
 
 /// Renders the views of a batch one after the other into `images`, and their depths into `depths`.
@@ -289,11 +266,6 @@ enum Job {
     Final,
 }
 
-impl Job {
-    /// The first draw has no steps before it.
-    const FIRST_ROUND: Job = Job::Round { round: 1, steps: 0 };
-}
-
 /// Refines views batch by batch; the results of one batch stay on the device until the next starts.
 pub struct Refiner {
     /// Buffers and stages of one batch, reused for each.
@@ -304,8 +276,6 @@ pub struct Refiner {
     seed: u32,
     background: [f32; 3],
     steps: Steps,
-    /// The renders of the first batch's base are available.
-    has_first: bool,
     /// The current batch, its frames and its job.
     batch: Range<usize>,
     frames: Vec<Frame>,
@@ -315,45 +285,30 @@ pub struct Refiner {
 }
 
 impl Refiner {
-    /// `budgets` covers all views, see [`budgets`]. `first`, from [`base_renders`] of the same views, saves
-    /// rendering the first batch again, if memory has room for it while the refiner is made.
+    /// `budgets` covers all views, see [`budgets`]. Batches are as large as memory allows.
     ///
     /// # Errors
     /// [`Error::Usage`] if the numbers of views and budgets differ; otherwise an error of the device.
-    pub fn new(
-        session: &Session,
-        views: &Views,
-        budgets: &[u32],
-        schedule: Schedule,
-        first: Option<Backdrop>,
-    ) -> Result<Self> {
+    pub fn new(session: &Session, views: &Views, budgets: &[u32], schedule: Schedule) -> Result<Self> {
         if budgets.len() != views.cameras.len() {
             let (n, v) = (budgets.len(), views.cameras.len());
             return Err(Error::Usage(format!("{n} budgets for {v} views: one for each is needed")));
         }
         let context = &session.context;
-        let batches = batches(context, views);
-        let mut sizes = ScreenSizes::default();
-        for batch in &batches {
-            let places = budgets[batch.clone()].iter().map(|&n| u64::from(n)).sum::<u64>();
-            let places = u32::try_from(places).ok().filter(|&n| n <= u32::MAX / (2 * LEARNED as u32));
-            let places = places.ok_or_else(|| {
-                Error::Usage("the budget is more 2D Gaussians at once than the device can address".into())
-            })?;
-            sizes = sizes.max(ScreenSizes::of_frames(&frames_of(views, batch), places));
-        }
-        // Stored renders must never take room from anything else.
-        let (memory, needed) = (context.memory(), Screen::plan(context, &sizes, session.policy).bytes());
-        let fits = memory.taken.saturating_add(needed).saturating_add(needed / SPARE) <= memory.budget;
-        let first = first.filter(|first| fits && first.depths.len() == sizes.pixels as usize);
-        let mut screen = Screen::new(context, sizes, session.policy)?;
-        let has_first = first.is_some();
-        if let Some(Backdrop { images, depths }) = first {
-            (screen.raster.buffers.backdrop, screen.buffers.depths) = (images, depths);
-        }
+        let memory = context.memory();
+        let room = memory.budget.saturating_sub(memory.taken);
+        let mut pixels = BATCH_PIXELS;
+        let (batches, sizes) = loop {
+            let batches = batches(context, views, pixels);
+            let sizes = sizes_of(views, &batches, budgets)?;
+            let needed = Screen::plan(context, &sizes, session.policy).bytes();
+            if needed.saturating_add(needed / SPARE) <= room || batches.len() == views.cameras.len() {
+                break (batches, sizes);
+            }
+            pixels = pixels.min(sizes.pixels.into()) / 2;
+        };
         Ok(Refiner {
-            screen,
-            has_first,
+            screen: Screen::new(context, sizes, session.policy)?,
             batches,
             budgets: budgets.to_vec(),
             schedule,
@@ -380,9 +335,8 @@ impl Refiner {
 
     /// Starts batch `batch` of `views`. Waits.
     pub fn start(&mut self, views: &Views, batch: usize) -> Result<()> {
-        let number = batch;
-        let Some(batch) = self.batches.get(number).cloned() else {
-            return Err(Error::Usage(format!("batch {number} of {}", self.batches.len())));
+        let Some(batch) = self.batches.get(batch).cloned() else {
+            return Err(Error::Usage(format!("batch {batch} of {}", self.batches.len())));
         };
         self.frames = frames_of(views, &batch);
         let mut quotas = Vec::with_capacity(batch.len());
@@ -395,8 +349,7 @@ impl Refiner {
         let list: Vec<_> = cameras.map(|(camera, frame)| view(camera, frame.image_first)).collect();
         self.screen.begin(&self.frames, &list, &quotas)?;
         self.batch = batch;
-        // Any other batch overwrites these renders.
-        self.job = if mem::take(&mut self.has_first) && number == 0 { Job::FIRST_ROUND } else { Job::Base };
+        self.job = Job::Base;
         self.refined = Refined::default();
         self.progress = Progress { round: 0, step: 0, steps: 0, last: false, count: 0, budget: first, loss: f64::NAN };
         self.start_job()
@@ -471,7 +424,8 @@ impl Refiner {
         let grown = self.steps.report().grown;
         self.job = match self.job {
             Job::Idle => Job::Idle,
-            Job::Base => Job::FIRST_ROUND,
+            // The first draw has no steps before it.
+            Job::Base => Job::Round { round: 1, steps: 0 },
             Job::Round { round, .. } => {
                 self.refined.grown += grown;
                 self.refined.rounds = round;

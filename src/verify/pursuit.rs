@@ -59,11 +59,11 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
         })?;
     }
     let status = Buffer::<u32>::zeroed(context, "status", status::WORDS)?;
-    bench.run(|recorder| placer.record_draw(recorder, &views, &status))?;
-    bench.run(|recorder| placer.record_fit(recorder, &views, 0))?;
+    bench.run(|recorder| placer.record_draw(recorder, &status))?;
+    bench.run(|recorder| placer.record_fit(recorder, 0))?;
     // In the second round a part of the residual is already explained.
     for _ in 0..2 {
-        bench.run(|recorder| placer.record_round(recorder, &views))?;
+        bench.run(|recorder| placer.record_round(recorder))?;
     }
     // A budget that ends at three quarters of the candidates, in the middle of one's price.
     let (keys, prices) = (placer.work.gain_keys.download()?, placer.work.prices.download()?);

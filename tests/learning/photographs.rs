@@ -4,6 +4,7 @@ use glam::DVec3;
 use glint::{
     gpu::Memory,
     pipelines::{
+        enhance::{EnhanceOptions, Enhancer},
         learn::{Lesson, Rates, learning_bytes},
         model::{Model, Room, Segment},
         photographs::Storage,
@@ -25,17 +26,15 @@ const VIEWS_PER_STEP: u32 = 2;
 
 const GAUSSIANS: usize = 200;
 
-/// Bits of the scene and of the losses after two passes, and the memory in use then. `host`: the Gaussians' colors and moments lie in the
-/// host's memory.
-fn trained(storage: Storage, host: bool) -> (Vec<u64>, Vec<u32>, Memory) {
-    let gpu = Gpu::new();
+/// Random photographs, at two sizes with `halvings` 1.
+fn random_views(gpu: &Gpu, storage: Storage, halvings: u32) -> Views {
     let cameras: Vec<Camera> = (0..PHOTOS)
         .map(|v| Camera {
             translation: DVec3::new(f64::from(v % 10) * 0.02, f64::from(v / 10) * 0.02, 0.0),
             ..Camera::new(40 - v % 9, 30 - v % 5, 40.0)
         })
         .collect();
-    let views = Views::halved(&gpu, DVec3::ZERO, &cameras, 1, storage, Some([0.2; 3])).unwrap();
+    let views = Views::halved(gpu, DVec3::ZERO, &cameras, halvings, storage, Some([0.2; 3])).unwrap();
     for (v, camera) in views.cameras.iter().enumerate() {
         // Opacities are random, and no pixel is masked.
         let pixel = |i: u32| 0x100_0000 | (v as u32 * 7919 + i).wrapping_mul(2_654_435_761);
@@ -43,8 +42,16 @@ fn trained(storage: Storage, host: bool) -> (Vec<u64>, Vec<u32>, Memory) {
         views.upload_photograph(v, &packed).unwrap();
         assert!(views.download_photograph(v).unwrap() == packed, "view {v}");
     }
+    views
+}
+
+/// Bits of the scene and of the losses after two passes, and the memory in use then. `host`: the Gaussians' colors and moments lie in the
+/// host's memory.
+fn trained(storage: Storage, host: bool) -> (Vec<u64>, Vec<u32>, Memory) {
+    let gpu = Gpu::new();
+    let views = random_views(&gpu, storage, 1);
     let mut scene = random_scene(5, GAUSSIANS, 0, 0);
-    put_before(&cameras[0], &mut scene.base.means);
+    put_before(&views.cameras[0], &mut scene.base.means);
     let room = Room { host, ..Default::default() };
     let model = Model::upload_around(&gpu, DVec3::ZERO, &scene, room).unwrap();
     let rates = Rates { mean: 1e-3, log_scale: 5e-3, quat: 1e-3, opacity: 0.025, dc: 2.5e-3, ..Default::default() };
@@ -76,6 +83,26 @@ fn training_gives_the_same_bits_wherever_photographs_and_gaussians_lie() {
         let saved = (all.used - all.host) - (memory.used - memory.host);
         assert!(!host || saved >= GAUSSIANS as u64 * others, "{memory:?}, {all:?} on the device");
     }
+}
+
+#[test]
+fn an_augmentation_gives_the_same_bits_wherever_photographs_lie() {
+    let augmented = |storage| {
+        let gpu = Gpu::new();
+        let views = random_views(&gpu, storage, 0);
+        let mut scene = random_scene(5, GAUSSIANS, 0, 0);
+        put_before(&views.cameras[0], &mut scene.base.means);
+        let mut options = EnhanceOptions { ratio: 0.2, ..EnhanceOptions::pursuit() };
+        options.join.steps_per_view = 1;
+        let mut enhancer = Enhancer::new(&session(&gpu), &scene, &views, &options).unwrap();
+        while enhancer.next(&views).unwrap().is_some() {}
+        let found = enhancer.finish(&views).unwrap();
+        assert!(found.placed.iter().any(|placed| placed.count() > 0));
+        bits(&found.scene)
+    };
+    let scene = augmented(Storage::Device);
+    assert!(augmented(Storage::Host) == scene);
+    assert!(augmented(Storage::File(tempfile::tempfile().unwrap(), "photos".into())) == scene);
 }
 
 /// Where photographs are transparent, a Gaussian of their background's color is no part of them.

@@ -166,6 +166,25 @@ fn pages_change_nothing() {
     }
 }
 
+/// Three of five views stand for all: the others change nothing, and gains are those in three times 5/3.
+#[test]
+fn evenly_spread_views_stand_for_all() {
+    let gpu = Gpu::new();
+    let of = |seen: &[(Camera, Vec<u32>)]| {
+        pursue(&gpu, &wall(), seen, PursuitOptions { rounds: 8, views: Some(3), ..Default::default() }).placed
+    };
+    let whole = of(&three());
+    assert!(whole.count() > 8, "{whole:?}");
+    let mut seen = three();
+    // Views 0, 1 and 3 are looked at.
+    for at in [2, 4] {
+        seen.insert(at, (camera(0.2), photo(&camera(0.2), |_, _| WHITE)));
+    }
+    let some = of(&seen);
+    let gains: Vec<f32> = whole.gains.iter().map(|gain| gain / 0.6).collect();
+    assert_eq!((&some.lifts, &some.gains), (&whole.lifts, &gains));
+}
+
 /// With the same draws and rounds the first Gaussians are the same, whether or not more may follow.
 #[test]
 fn budgets_are_kept() {

@@ -62,6 +62,7 @@ pub(in crate::cli) fn run_with_progress(
         enhancer,
         bar,
         told: 0,
+        renumbered: 0,
         begun: Instant::now(),
         share,
         pace: None,
@@ -91,6 +92,8 @@ struct Augmentation<'a> {
     bar: Option<(&'static str, Progress)>,
     /// Placements already logged.
     told: usize,
+    /// Joint steps taken, less their number in the present plan of a run by time.
+    renumbered: i64,
     /// Time at which the base was rendered.
     begun: Instant,
     /// A tenth of the time of a run by time: the most that the search for bands, the trial of longer training, and all placements may
@@ -224,7 +227,7 @@ impl Augmentation<'_> {
                 }
             }
             Event::Join { step, steps } => {
-                look(&self.enhancer, "joining", step.into(), steps.into());
+                look(&self.enhancer, "joining", self.taken(step).into(), self.taken(steps).into());
                 self.join(step, steps)?;
             }
         }
@@ -268,6 +271,11 @@ impl Augmentation<'_> {
         self.enhancer.take_steps(steps.min(MOST.into()) as u32);
     }
 
+    /// Joint steps taken by step `number` of the present plan.
+    fn taken(&self, number: u32) -> u32 {
+        (i64::from(number) + self.renumbered) as u32
+    }
+
     /// Continues the joint phase after `step` of `steps` steps.
     fn join(&mut self, step: u32, steps: u32) -> Result<()> {
         let placements = self.placements;
@@ -282,15 +290,16 @@ impl Augmentation<'_> {
                 deadline.leave_out(self.placing.last);
             }
         }
+        let [taken, all] = [step, steps].map(|number| self.taken(number));
         if let Some(end) = self.beside.end
-            && self.plan_until(end, step, steps)?
+            && self.plan_until(end, [step, taken], [steps, all])?
         {
             return Ok(());
         }
         let lately = self.enhancer.lately(step, self.views);
-        self.show("joining", step.into(), steps.into(), Some(learned(lately, None, &self.session.context)));
+        self.show("joining", taken.into(), all.into(), Some(learned(lately, None, &self.session.context)));
         let (gaussians, seconds) = (self.enhancer.model().count(), self.begun.elapsed().as_secs_f64());
-        caller::step(caller::Step { step, steps, lately, gaussians, seconds });
+        caller::step(caller::Step { step: taken, steps: all, lately, gaussians, seconds });
         let Beside { kept, interrupt, .. } = &mut self.beside;
         if let (0, Some(earlier)) = (step, kept.as_mut().and_then(|(_, earlier)| earlier.take())) {
             self.enhancer.resume_join(&earlier)?;
@@ -308,12 +317,13 @@ impl Augmentation<'_> {
         if asked { self.enhancer.stop(self.views) } else { Ok(()) }
     }
 
-    /// Replans a joint phase that has until `end`. Returns whether it is over.
-    fn plan_until(&mut self, end: Instant, step: u32, steps: u32) -> Result<bool> {
+    /// Replans a joint phase that has until `end`. Of the steps and of all steps come the numbers in the present plan, then those taken.
+    /// Returns whether it is over.
+    fn plan_until(&mut self, end: Instant, [step, taken]: [u32; 2], [steps, all]: [u32; 2]) -> Result<bool> {
         let now = Instant::now();
         let deadline = self.clock.get_or_insert_with(|| Deadline::of(now, end, steps, step));
         if deadline.is_over(now) && step < steps {
-            note(format!("the time ended after {step} of {steps} joint steps"));
+            note(format!("the time ended after {taken} of {all} joint steps"));
             self.enhancer.stop(self.views)?;
             return Ok(true);
         }
@@ -323,6 +333,7 @@ impl Augmentation<'_> {
             let reserved = self.placing.last * more + self.rendered_in;
             self.enhancer.replan(self.views, |step| {
                 let plan = deadline.plan(step, Instant::now(), reserved);
+                self.renumbered += i64::from(step) - i64::from(plan.done);
                 [plan.total, plan.done]
             })?;
         }

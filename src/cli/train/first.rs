@@ -8,6 +8,7 @@ use crate::{
     gpu::Context,
     pipelines::{
         classes::Classes,
+        learn::WORKING_BYTES,
         start::{RANDOM_NTH, default_gaussians, first_points},
         train::LEARNED,
         views::scene_origin_for,
@@ -19,9 +20,6 @@ use crate::{
 const MEMORY_PART: f64 = 0.75;
 /// Bytes of a photo's pixel: one word, and half as much for smaller copies.
 pub(super) const PIXEL_BYTES: f64 = 6.0;
-/// Bytes of a Gaussian beyond its learned ones: 52 of its splat, 40 for each of about six intersections
-/// (checked by `tests/invariants/model.rs`), and scores.
-const WORKING_BYTES: u64 = 320;
 
 /// Initial color of points without colors.
 const GREY: [u8; 3] = [128; 3];

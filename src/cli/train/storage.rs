@@ -1,5 +1,7 @@
 //! Where the training photos and the Gaussians lie during a run.
 
+use std::path::Path;
+
 use super::{
     Args, Error, Result,
     first::{First, PIXEL_BYTES, fit},
@@ -11,7 +13,7 @@ use crate::{cli::output::folder_of, gpu::Context, pipelines::photographs::Storag
 const HOST_PART: f64 = 0.5;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum PhotosOn {
+pub(in crate::cli) enum PhotosOn {
     /// The device's memory
     Device,
     /// The host's memory
@@ -22,12 +24,41 @@ pub(super) enum PhotosOn {
 
 impl PhotosOn {
     /// The first that has room for photos of `pixels`. `host` is the memory of a host that the device does not share.
-    fn choose(fits_device: bool, host: Option<u64>, pixels: u64) -> Self {
+    pub(in crate::cli) fn choose(fits_device: bool, host: Option<u64>, pixels: u64) -> Self {
         match host {
             _ if fits_device => PhotosOn::Device,
             Some(host) if photo_bytes(pixels) as f64 <= HOST_PART * host as f64 => PhotosOn::Host,
             _ => PhotosOn::Disk,
         }
+    }
+
+    /// Bytes of the temporary file for photos of `pixels`.
+    pub(in crate::cli) fn file_bytes(self, pixels: u64) -> u64 {
+        if self == PhotosOn::Disk { photo_bytes(pixels) } else { 0 }
+    }
+
+    /// The storage; a file has no name and is gone when the run ends.
+    pub(in crate::cli) fn storage(self, output: &Path) -> Result<Storage> {
+        Ok(match self {
+            PhotosOn::Device => Storage::Device,
+            PhotosOn::Host => Storage::Host,
+            PhotosOn::Disk => {
+                let folder = folder_of(output);
+                let file = tempfile::tempfile_in(folder).map_err(|error| Error::io(folder, error))?;
+                Storage::File(file, folder.into())
+            }
+        })
+    }
+
+    /// Prints a note if photos of `pixels` lie elsewhere than on the device. `why` begins with a comma.
+    pub(in crate::cli) fn tell(self, pixels: u64, why: &str) {
+        let place = match self {
+            PhotosOn::Device => return,
+            PhotosOn::Host => "in the host's memory",
+            PhotosOn::Disk => "in a temporary file next to the output",
+        };
+        let megabytes = photo_bytes(pixels) as f64 / 1e6;
+        note(format!("up to {megabytes:.1} MB of photos lie {place}{why}; each step copies one to the device"));
     }
 }
 
@@ -80,20 +111,12 @@ impl Args {
         let fits = |bytes, pixels| fit(context.memory_at_most(), bytes, pixels) >= first.most;
         let on =
             self.place.photos_on.unwrap_or_else(|| PhotosOn::choose(fits(geometry + others, pixels), host, pixels));
-        let (place, in_host) = match on {
-            PhotosOn::Device => (None, 0),
-            PhotosOn::Host => (Some("in the host's memory"), photo_bytes(pixels)),
-            PhotosOn::Disk => (Some("in a temporary file next to the output"), 0),
-        };
+        let in_host = if on == PhotosOn::Host { photo_bytes(pixels) } else { 0 };
         let why = |asked: bool, what: &str| match asked {
             true => String::new(),
             false => format!(", because the device's memory does not hold {what}{} Gaussians", first.most),
         };
-        if let Some(place) = place {
-            let why = why(self.place.photos_on.is_some(), "them and ");
-            let megabytes = photo_bytes(pixels) as f64 / 1e6;
-            note(format!("up to {megabytes:.1} MB of photos lie {place}{why}; each step copies one to the device"));
-        }
+        on.tell(pixels, &why(self.place.photos_on.is_some(), "them and "));
         let on_device = if on == PhotosOn::Device || on == PhotosOn::Host && host.is_none() { pixels } else { 0 };
         // A default number of Gaussians stays within the device's memory, where steps are fast.
         let host = host.map(|host| ((HOST_PART * host as f64) as u64).saturating_sub(in_host));
@@ -129,19 +152,6 @@ impl Args {
             (Some(GaussiansOn::Host), Some(apart)) => apart,
             (None, Some(apart)) => whole.max(apart),
         }
-    }
-
-    /// The storage for photos; a file has no name and is gone when the run ends.
-    pub(super) fn storage(&self, on: PhotosOn) -> Result<Storage> {
-        Ok(match on {
-            PhotosOn::Device => Storage::Device,
-            PhotosOn::Host => Storage::Host,
-            PhotosOn::Disk => {
-                let folder = folder_of(&self.output);
-                let file = tempfile::tempfile_in(folder).map_err(|error| Error::io(folder, error))?;
-                Storage::File(file, folder.into())
-            }
-        })
     }
 }
 

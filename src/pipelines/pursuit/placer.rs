@@ -11,7 +11,7 @@ use crate::{
         render::{Renderer, Show},
         session::Session,
         sort::{Extent, Input, Pairs, RadixScratch, RadixSort, Scan, ScanBuffers},
-        views::Views,
+        views::{Views, view},
     },
     stages::{
         WORKGROUP,
@@ -23,7 +23,7 @@ use crate::{
         dispatch_args, pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain,
         pursuit_place, pursuit_quanta, pursuit_residual, pursuit_score,
         status::Resource,
-        types::{Candidate, Fit, Lift, Plot, Texel},
+        types::{Candidate, Fit, Frame, Lift, Plot, Texel, View},
     },
 };
 
@@ -40,7 +40,24 @@ const COUNTS: usize = 7;
 /// Maximum bytes of sums for a chunk of candidates.
 const CHUNK_BYTES: u64 = 128 << 20;
 
-/// Views that share one set of buffers for their pyramids.
+/// Maximum share of the free memory for the errors of all views. The rest is for candidates and renders.
+const ERRORS_SHARE: f64 = 0.75;
+
+/// Numbers of `most` of `all` views, evenly spread.
+fn spread(all: usize, most: usize) -> Vec<u32> {
+    let count = most.min(all);
+    (0..count).map(|i| (i * all / count) as u32).collect()
+}
+
+/// Working memory of a view of this size, bytes.
+fn view_bytes(frame: &Frame) -> u64 {
+    let [width, height] = [frame.width, frame.height].map(u64::from);
+    let texels: u64 = (0..LEVELS).map(|k| width.div_ceil(1 << k) * height.div_ceil(1 << k)).sum();
+    let cells = width.div_ceil(CELL.into()) * height.div_ceil(CELL.into());
+    size_of::<Texel>() as u64 * texels + 12 * width * height + 4 * cells
+}
+
+/// Looked-at views that share one set of buffers for their pyramids.
 pub(crate) struct Page {
     pub(crate) views: std::ops::Range<u32>,
     pub(crate) blocks: std::ops::Range<u32>,
@@ -111,8 +128,15 @@ pub(crate) struct Placer {
     /// Candidates per chunk.
     chunk: u32,
     pub(crate) worth: [f32; 2],
+    /// Numbers of the looked-at views. All other fields count these only.
+    looked: Vec<u32>,
+    /// Their share of all views.
+    pub(super) share: f32,
+    views: Buffer<View>,
+    frames: Buffer<Frame>,
+    frame_list: Vec<Frame>,
     pub(crate) plots: Buffer<Plot>,
-    pub(crate) plot_list: Vec<Plot>,
+    plot_list: Vec<Plot>,
     pub(crate) pages: Vec<Page>,
     pub(crate) work: Work,
     stages: Stages,
@@ -177,7 +201,7 @@ fn level_of(plot: &Plot, width: u32, height: u32, k: u32) -> [u32; 3] {
 }
 
 impl Placer {
-    /// Pipelines and buffers to place at most `most` Gaussians over all of `views`, whose photographs must be uploaded.
+    /// Pipelines and buffers to place at most `most` Gaussians over `views`, whose photographs must be uploaded.
     ///
     /// # Errors
     /// Errors of the device; [`Error::Usage`] for more views or pixels than 32 bits can count.
@@ -186,6 +210,21 @@ impl Placer {
         let bound = context.info().max_storage_bytes;
         let most_texels = u64::from(options.page.unwrap_or(u32::MAX)).min(bound / size_of::<Texel>() as u64);
         let (mut plot_list, mut pages) = (Vec::new(), Vec::new());
+        let memory = context.memory();
+        let free = memory.budget.saturating_sub(memory.taken);
+        let free = free.saturating_sub(options.spare).max(free / 4);
+        let each = views.frame_list.iter().map(view_bytes).sum::<u64>() as f64 / views.frame_list.len().max(1) as f64;
+        let most_views =
+            (ERRORS_SHARE * free as f64 / each).min(options.views.unwrap_or(u32::MAX).into()).max(1.0) as usize;
+        let (all, looked) = (views.cameras.len(), spread(views.cameras.len(), most_views));
+        if looked.len() < all && options.views.is_none() {
+            let count = looked.len();
+            tracing::warn!(
+                "placing looks at {count} of {all} photos: memory does not hold the errors of all; use smaller images"
+            );
+        }
+        let frame_list: Vec<Frame> = looked.iter().map(|&v| views.frame_list[v as usize]).collect();
+        let view_list: Vec<View> = looked.iter().map(|&v| view(&views.cameras[v as usize], 0)).collect();
         let mut begin = (0usize, 0u32);
         let (mut texels, mut pixels, mut cells, mut blocks) = (0u64, 0u64, 0u64, 0u64);
         let make =
@@ -201,8 +240,8 @@ impl Placer {
                     claims: Buffer::new(context, "claims", cells as usize, Location::Device)?,
                 })
             };
-        for (v, camera) in views.cameras.iter().enumerate() {
-            let (w, h) = (u64::from(camera.width), u64::from(camera.height));
+        for (v, frame) in frame_list.iter().enumerate() {
+            let (w, h) = (u64::from(frame.width), u64::from(frame.height));
             let level = |k: u32| w.div_ceil(1 << k) * h.div_ceil(1 << k);
             let own: u64 = (0..LEVELS).map(level).sum();
             if v > begin.0 && (texels + own > most_texels) {
@@ -223,13 +262,14 @@ impl Placer {
             blocks += (w * h).div_ceil(ERROR_BLOCK.into());
         }
         let blocks = u32::try_from(blocks).map_err(|_| too_many())?;
-        pages.push(make(begin.0 as u32..views.cameras.len() as u32, begin.1..blocks, texels, pixels, cells)?);
+        pages.push(make(begin.0 as u32..looked.len() as u32, begin.1..blocks, texels, pixels, cells)?);
         // One sort must hold all candidates.
         let largest = (bound / size_of::<Candidate>() as u64).min(1 << 26) as u32;
         let drawn = most.saturating_mul(options.draws);
         let candidates = drawn.saturating_mul(4).min(FEW_CANDIDATES).max(drawn).clamp(1, largest);
         let item_bytes = 4 * u64::from(WIDTHS * SUMS * options.sizes.max(1));
-        let chunk = (CHUNK_BYTES.min(bound) / item_bytes).max(1).min(u64::from(candidates)) as u32;
+        let chunk_bytes = CHUNK_BYTES.min(bound).min(free / 8);
+        let chunk = (chunk_bytes / item_bytes).max(1).min(u64::from(candidates)) as u32;
         let sizes = Sizes {
             pixels: views.max_pixels(),
             blocks,
@@ -252,6 +292,11 @@ impl Placer {
             candidates,
             chunk,
             worth,
+            views: Buffer::from_slice(context, "looked_views", &view_list)?,
+            frames: Buffer::from_slice(context, "looked_frames", &frame_list)?,
+            frame_list,
+            share: looked.len() as f32 / views.cameras.len().max(1) as f32,
+            looked,
             plots: Buffer::from_slice(context, "plots", &plot_list)?,
             plot_list,
             pages,
@@ -284,51 +329,55 @@ impl Placer {
         self.pairs()[self.stages.sort.last_pair()]
     }
 
+    /// Number of the looked-at views.
+    pub(super) fn looks(&self) -> u32 {
+        self.looked.len() as u32
+    }
+
+    /// Records the render of looked-at view `at`, its residual and pyramid.
     pub(super) fn record_look(
         &self,
         recorder: &mut Recorder,
         renderer: &Renderer,
         model: &Model,
         views: &Views,
-        view: u32,
+        at: u32,
         status: &Buffer<u32>,
     ) -> Result<()> {
         let show = Show::all(model, self.session.background);
-        renderer.record(recorder, model, views, view, &show, status)?;
-        self.record_pyramid(recorder, views, view, &renderer.raster.buffers.image, &renderer.depths)
+        renderer.record(recorder, model, views, self.looked[at as usize], &show, status)?;
+        self.record_pyramid(recorder, views, at, &renderer.raster.buffers.image, &renderer.depths)
     }
 
-    /// Records the residual of a rendered view, and its pyramid.
+    /// Records the residual of a rendered view, looked-at view `at`, and its pyramid.
     pub(crate) fn record_pyramid(
         &self,
         recorder: &mut Recorder,
         views: &Views,
-        view: u32,
+        at: u32,
         image: &Buffer<[f32; 4]>,
         depths: &Buffer<f32>,
     ) -> Result<()> {
-        let (w, camera) = (&self.work, &views.cameras[view as usize]);
-        let page = self.pages.iter().find(|page| page.views.contains(&view));
+        let (w, Frame { width, height, .. }) = (&self.work, self.frame_list[at as usize]);
+        let page = self.pages.iter().find(|page| page.views.contains(&at));
         let Some(page) = page else { return Err(too_many()) };
-        let pixels = camera.pixels();
-        let targets = views.record_photograph(recorder, view, None)?;
+        let targets = views.record_photograph(recorder, self.looked[at as usize], None)?;
         self.stages.residual.record(
             recorder,
             &bind!(pursuit_residual {
                 image, targets, depths,
                 texels: &w.raw_texels;
-                views => frames;
-                self => plots;
+                self => frames, plots;
                 page => surface_depths, errors, explained;
                 w => error_sums, squares;
             }),
-            &pursuit_residual::Push { view },
-            pixels.div_ceil(ERROR_BLOCK),
+            &pursuit_residual::Push { view: at },
+            (width * height).div_ceil(ERROR_BLOCK),
         );
-        let plot = &self.plot_list[view as usize];
-        let mut from = [0, camera.width, camera.height];
+        let plot = &self.plot_list[at as usize];
+        let mut from = [0, width, height];
         for k in 0..LEVELS {
-            let to = level_of(plot, camera.width, camera.height, k);
+            let to = level_of(plot, width, height, k);
             let push = pursuit_blur::Push {
                 from_first: from[0],
                 from_width: from[1],
@@ -362,7 +411,7 @@ impl Placer {
         );
     }
 
-    pub(crate) fn record_draw(&self, recorder: &mut Recorder, views: &Views, status: &Buffer<u32>) {
+    pub(crate) fn record_draw(&self, recorder: &mut Recorder, status: &Buffer<u32>) {
         let (w, s) = (&self.work, &self.stages);
         let count = self.blocks();
         self.record_args(recorder, BLOCKS, count, 0, status);
@@ -379,8 +428,7 @@ impl Placer {
                 recorder,
                 &bind!(pursuit_draw {
                     quanta_total: &w.counts;
-                    views => views;
-                    self => plots;
+                    self => views, plots;
                     w => quanta_firsts, quanta, error_sums, candidates;
                     page => errors, surface_depths;
                 }),
@@ -389,7 +437,7 @@ impl Placer {
                     seed: self.session.seed as u32,
                     view_first: page.views.start,
                     view_end: page.views.end,
-                    view_count: self.plot_list.len() as u32,
+                    view_count: self.looks(),
                     block_first: page.blocks.start,
                     block_end: page.blocks.end,
                     total_index: QUANTA,
@@ -402,7 +450,7 @@ impl Placer {
         recorder.fill(&w.gains, f32::MAX.to_bits());
     }
 
-    pub(crate) fn record_fit(&self, recorder: &mut Recorder, views: &Views, chunk: u32) {
+    pub(crate) fn record_fit(&self, recorder: &mut Recorder, chunk: u32) {
         let (w, s) = (&self.work, &self.stages);
         let first = chunk * self.chunk;
         let count = self.chunk.min(self.candidates - first);
@@ -411,8 +459,7 @@ impl Placer {
             s.score.record(
                 recorder,
                 &bind!(pursuit_score {
-                    views => views;
-                    self => plots;
+                    self => views, plots;
                     page => surface_depths, texels;
                     w => candidates, sums;
                 }),
@@ -449,15 +496,14 @@ impl Placer {
         );
     }
 
-    pub(crate) fn record_round(&self, recorder: &mut Recorder, views: &Views) {
+    pub(crate) fn record_round(&self, recorder: &mut Recorder) {
         let (w, s) = (&self.work, &self.stages);
         let count = self.candidates;
         for (k, page) in self.pages.iter().enumerate() {
             s.gain.record(
                 recorder,
                 &bind!(pursuit_gain {
-                    views => views;
-                    self => plots;
+                    self => views, plots;
                     page => surface_depths, texels, explained;
                     w => candidates, fits, gain_keys, gains, gain_squares;
                 }),
@@ -481,8 +527,7 @@ impl Placer {
                 s.claim[check].record(
                     recorder,
                     &bind!(pursuit_claim {
-                        views => views;
-                        self => plots;
+                        self => views, plots;
                         page => surface_depths, claims;
                         w => candidates, fits, gains, beaten;
                     }),
@@ -500,8 +545,7 @@ impl Placer {
             s.attenuate.record(
                 recorder,
                 &bind!(pursuit_attenuate {
-                    views => views;
-                    self => plots;
+                    self => views, plots;
                     page => surface_depths, texels, explained;
                     w => candidates, fits, gains, beaten, gain_keys;
                 }),
@@ -542,7 +586,7 @@ impl Placer {
                 most: self.limit,
                 budget,
                 kept_index: KEPT,
-                least_gain: self.options.least_gain,
+                least_gain: self.options.least_gain * self.share,
             },
             self.most,
         );

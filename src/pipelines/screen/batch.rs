@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
+use super::rig::LEARNED;
 use crate::{
+    error::{Error, Result},
     gpu::Context,
     pipelines::views::Views,
     stages::{
@@ -13,13 +15,13 @@ use crate::{
 
 /// Maximum pixels of a batch. A pixel needs 88 bytes of working memory, so this is 1.5 GB; 26 views of 800 ×
 /// 800.
-const BATCH_PIXELS: u64 = 1 << 24;
+pub const BATCH_PIXELS: u64 = 1 << 24;
 
-/// Splits views into batches that fit the device: consecutive views with photographs in one page, at least
-/// one each.
-pub fn batches(context: &Context, views: &Views) -> Vec<Range<usize>> {
+/// Splits views into batches of at most `pixels` that the device's buffers hold: consecutive views with
+/// photographs in one page, at least one each.
+pub fn batches(context: &Context, views: &Views, pixels: u64) -> Vec<Range<usize>> {
     // The largest buffer of a batch has 9 floats for each pixel.
-    let limit = BATCH_PIXELS.min(context.info().max_storage_bytes / 36);
+    let limit = pixels.min(context.info().max_storage_bytes / 36);
     let sizes: Vec<[u32; 2]> = views.cameras.iter().map(|camera| [camera.width, camera.height]).collect();
     split(&sizes, limit, |first| views.same_page(first))
 }
@@ -56,6 +58,23 @@ pub fn frames_of(views: &Views, batch: &Range<usize>) -> Vec<Frame> {
         Frame { image_first: first, ..*frame }
     };
     views.frame_list[batch.clone()].iter().map(packed).collect()
+}
+
+/// Maximum sizes over `batches`, with this budget of 2D Gaussians for each view.
+///
+/// # Errors
+/// [`Error::Usage`] if the budget of a batch is more than the device can address.
+pub fn sizes_of(views: &Views, batches: &[Range<usize>], budgets: &[u32]) -> Result<ScreenSizes> {
+    let mut sizes = ScreenSizes::default();
+    for batch in batches {
+        let places = budgets[batch.clone()].iter().map(|&n| u64::from(n)).sum::<u64>();
+        let places = u32::try_from(places).ok().filter(|&n| n <= u32::MAX / (2 * LEARNED as u32));
+        let places = places.ok_or_else(|| {
+            Error::Usage("the budget is more 2D Gaussians at once than the device can address".into())
+        })?;
+        sizes = sizes.max(ScreenSizes::of_frames(&frames_of(views, batch), places));
+    }
+    Ok(sizes)
 }
 
 /// Maximum sizes over all batches.
