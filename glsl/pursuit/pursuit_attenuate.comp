@@ -12,6 +12,7 @@
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
+#define PURSUIT_SIGHTS 10
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
 
@@ -19,6 +20,7 @@ layout(push_constant, scalar) uniform Push {
     uint count;
     uint view_first, view_end;
     uint last; // 1: this is the last page
+    uint words; // of `sights`, for each candidate
 } push;
 
 layout(set = 0, binding = 5, scalar) readonly buffer Fits { Fit fits[]; };
@@ -38,6 +40,7 @@ void main() {
     Candidate c = candidates[i];
     Fit fit = fits[i];
     for (uint v = push.view_first + gl_SubgroupInvocationID; v < push.view_end; v += gl_SubgroupSize) {
+        if (!shows(i, push.words, v)) continue;
         View view = views[v];
         Sight s;
         if (!sees(v, view, c, s)) continue;

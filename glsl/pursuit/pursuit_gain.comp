@@ -11,6 +11,7 @@
 #extension GL_GOOGLE_include_directive : require
 #define PURSUIT_READS
 #define PURSUIT_TEXELS 4
+#define PURSUIT_SIGHTS 10
 #include "../shared/common.glsl"
 #include "../shared/pursuit.glsl"
 
@@ -21,6 +22,7 @@ layout(push_constant, scalar) uniform Push {
     uint last;  // 1: this is the last page
     float caution;
     float doubt;
+    uint words; // of `sights`, for each candidate
 } push;
 
 layout(set = 0, binding = 5, scalar) readonly buffer Explained { uint explained[]; };
@@ -60,7 +62,7 @@ void main() {
         Candidate c = candidates[i];
         for (uint first = push.view_first; first < push.view_end; first += gl_SubgroupSize) {
             uint v = first + gl_SubgroupInvocationID;
-            float mine = v < push.view_end ? gain_in(v, c, fit) : 0.0;
+            float mine = v < push.view_end && shows(i, push.words, v) ? gain_in(v, c, fit) : 0.0;
             if (!subgroupAny(mine != 0.0)) continue;
             for (uint lane = 0; lane < gl_SubgroupSize; ++lane) {
                 float here = subgroupShuffle(mine, lane);

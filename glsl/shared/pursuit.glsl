@@ -171,6 +171,13 @@ uvec4 window_of(View view, Sight s, float px) {
 }
 #endif
 
+#ifdef PURSUIT_SIGHTS
+layout(set = 0, binding = PURSUIT_SIGHTS, scalar) readonly buffer Sights { uint sights[]; };
+
+// Whether the fit of candidate i shows in view v, see pursuit_sight; `words` for each candidate.
+bool shows(uint i, uint words, uint v) { return (sights[i * words + v / 32] >> (v % 32) & 1u) != 0; }
+#endif
+
 #ifdef PURSUIT_TEXELS
 layout(set = 0, binding = PURSUIT_TEXELS, scalar) readonly buffer Texels { Texel texels[]; };
 

@@ -125,7 +125,7 @@ pub struct View {
 }
 use crate::gpu::KernelInfo;
 /// Every kernel, by name.
-pub const ALL: [KernelInfo; 60] = [
+pub const ALL: [KernelInfo; 61] = [
     KernelInfo::of::<bands_fit::Kernel>(),
     KernelInfo::of::<bands_look::Kernel>(),
     KernelInfo::of::<density_apply::Kernel>(),
@@ -165,6 +165,7 @@ pub const ALL: [KernelInfo; 60] = [
     KernelInfo::of::<pursuit_quanta::Kernel>(),
     KernelInfo::of::<pursuit_residual::Kernel>(),
     KernelInfo::of::<pursuit_score::Kernel>(),
+    KernelInfo::of::<pursuit_sight::Kernel>(),
     KernelInfo::of::<blend::Kernel>(),
     KernelInfo::of::<blend_backward::Kernel>(),
     KernelInfo::of::<blend_backward_atomic::Kernel>(),
@@ -188,7 +189,7 @@ pub const ALL: [KernelInfo; 60] = [
     KernelInfo::of::<fma_rate::Kernel>(),
 ];
 /// The names of all stages.
-pub const NAMES: &[&str] = &["bands_fit", "bands_look", "density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "composite", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
+pub const NAMES: &[&str] = &["bands_fit", "bands_look", "density_apply", "density_draw", "density_image", "density_noise", "density_place", "density_plan", "density_score", "density_weigh", "exposure_apply", "exposure_backward", "exposure_step", "lift_append", "lift_count", "lift_groups", "lift_join", "lift_pca", "lift_points", "composite", "loss_probe", "loss_sum", "ssim_backward", "ssim_forward", "gather", "recount", "adam", "project_backward", "step_done", "pursuit_attenuate", "pursuit_blur", "pursuit_claim", "pursuit_draw", "pursuit_fit", "pursuit_gain", "pursuit_place", "pursuit_quanta", "pursuit_residual", "pursuit_score", "pursuit_sight", "blend", "blend_backward", "blend_backward_atomic", "emit", "median_depth", "project", "resolve", "tile_ranges", "screen_backward", "screen_draw", "screen_project", "screen_prune", "screen_tiles", "dispatch_args", "radix_downsweep", "radix_spine", "radix_upsweep", "scan_apply", "scan_reduce", "scan_spine", "fma_rate"];
 kernel! {
     /// `glsl/bands/bands_fit.comp`
     bands_fit, Thread, subgroups false, barriers false, features [],
@@ -640,7 +641,7 @@ kernel! {
     /// `glsl/pursuit/pursuit_attenuate.comp`
     pursuit_attenuate, Subgroup, subgroups true, barriers false, features [ComputeFullSubgroups, SubgroupSizeControl],
     spirv "pursuit_attenuate.spv" "pursuit_attenuate.software.spv",
-    push { count: u32, view_first: u32, view_end: u32, last: u32, }
+    push { count: u32, view_first: u32, view_end: u32, last: u32, words: u32, }
     spec { 0 workgroup_size: u32, }
     buffers {
         Read views: View = 0b100011111111111111111111111,
@@ -653,6 +654,7 @@ kernel! {
         Read beaten: u32 = 0b0,
         ReadWrite explained: u32 = 0b0,
         Write gain_keys: u32 = 0b0,
+        Read sights: u32 = 0b0,
     }
 }
 kernel! {
@@ -670,7 +672,7 @@ kernel! {
     /// `glsl/pursuit/pursuit_claim.comp`
     pursuit_claim, Subgroup, subgroups true, barriers false, features [ComputeFullSubgroups, SubgroupSizeControl],
     spirv "pursuit_claim.spv" "pursuit_claim.software.spv",
-    push { count: u32, view_first: u32, view_end: u32, begin: u32, }
+    push { count: u32, view_first: u32, view_end: u32, begin: u32, words: u32, }
     spec { 0 workgroup_size: u32, 1 check: bool, }
     buffers {
         Read views: View = 0b100011111111111111111111111,
@@ -681,6 +683,7 @@ kernel! {
         Read gains: f32 = 0b1,
         ReadWrite claims: u32 = 0b0,
         ReadWrite beaten: u32 = 0b0,
+        Read sights: u32 = 0b0,
     }
 }
 kernel! {
@@ -718,7 +721,7 @@ kernel! {
     /// `glsl/pursuit/pursuit_gain.comp`
     pursuit_gain, Subgroup, subgroups true, barriers false, features [ComputeFullSubgroups, SubgroupSizeControl],
     spirv "pursuit_gain.spv" "pursuit_gain.software.spv",
-    push { count: u32, view_first: u32, view_end: u32, begin: u32, last: u32, caution: f32, doubt: f32, }
+    push { count: u32, view_first: u32, view_end: u32, begin: u32, last: u32, caution: f32, doubt: f32, words: u32, }
     spec { 0 workgroup_size: u32, }
     buffers {
         Read views: View = 0b100011111111111111111111111,
@@ -731,6 +734,7 @@ kernel! {
         Read gain_keys: u32 = 0b0,
         ReadWrite gains: f32 = 0b1,
         ReadWrite gain_squares: f32 = 0b1,
+        Read sights: u32 = 0b0,
     }
 }
 kernel! {
@@ -796,6 +800,21 @@ kernel! {
         Read candidates: Candidate = 0b11111111,
         Read texels: Texel = 0b0,
         ReadWrite sums: f32 = 0b1,
+    }
+}
+kernel! {
+    /// `glsl/pursuit/pursuit_sight.comp`
+    pursuit_sight, Thread, subgroups false, barriers false, features [],
+    spirv "pursuit_sight.spv" "pursuit_sight.spv",
+    push { count: u32, words: u32, view_first: u32, view_end: u32, begin: u32, }
+    spec { 0 workgroup_size: u32, }
+    buffers {
+        Read views: View = 0b100011111111111111111111111,
+        Read plots: Plot = 0b0,
+        Read surface_depths: f32 = 0b1,
+        Read candidates: Candidate = 0b11111111,
+        Read fits: Fit = 0b111111111,
+        ReadWrite sights: u32 = 0b0,
     }
 }
 kernel! {

@@ -1,8 +1,8 @@
 //! Residual pursuit (method, section 7): places Gaussians, with lobes or plain, by their gain in all training
 //! views at once.
 //!
-//! look (render, residual, pyramid of each view) → draw → (score → fit) for each chunk of candidates → rounds
-//! of (gain → claim → check → attenuate) → place → append. The host does not wait in between; it reads the
+//! look (render, residual, pyramid of each view) → draw → (score → fit) for each chunk of candidates → sight →
+//! rounds of (gain → claim → check → attenuate) → place → append. The host does not wait in between; it reads the
 //! number of placed Gaussians at the end.
 
 mod placer;
@@ -197,7 +197,7 @@ impl Pursuit {
     pub fn hurry(&mut self) {
         self.brief = true;
         if self.job == Job::Choose {
-            self.steps.go_on_to(self.placer.fits() + 2);
+            self.steps.go_on_to(self.placer.fits() + 3);
         }
     }
 
@@ -222,7 +222,7 @@ impl Pursuit {
                 Job::Look => {
                     self.steps.start(choices, false)?;
                     if self.brief {
-                        self.steps.go_on_to(fits + 2);
+                        self.steps.go_on_to(fits + 3);
                     }
                     Job::Choose
                 }
@@ -317,6 +317,7 @@ impl Looped for Choose<'_> {
         match step {
             0 => self.placer.record_draw(recorder, status),
             step if step <= self.placer.fits() => self.placer.record_fit(recorder, step - 1),
+            step if step == self.placer.fits() + 1 => self.placer.record_sights(recorder),
             _ => self.placer.record_round(recorder),
         }
         Ok(())

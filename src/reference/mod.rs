@@ -60,6 +60,7 @@ pub mod pursuit_place;
 pub mod pursuit_quanta;
 pub mod pursuit_residual;
 pub mod pursuit_score;
+pub mod pursuit_sight;
 pub mod radix_downsweep;
 pub mod radix_spine;
 pub mod radix_upsweep;

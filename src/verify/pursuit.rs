@@ -61,6 +61,7 @@ pub(super) fn cases(bench: &Bench<'_>, quick: bool) -> Result<()> {
     let status = Buffer::<u32>::zeroed(context, "status", status::WORDS)?;
     bench.run(|recorder| placer.record_draw(recorder, &status))?;
     bench.run(|recorder| placer.record_fit(recorder, 0))?;
+    bench.run(|recorder| placer.record_sights(recorder))?;
     // In the second round a part of the residual is already explained.
     for _ in 0..2 {
         bench.run(|recorder| placer.record_round(recorder))?;

@@ -21,7 +21,7 @@ use crate::{
             pursuit::{CELL, ERROR_BLOCK, LEVELS, SUMS, WIDTHS},
         },
         dispatch_args, pursuit_attenuate, pursuit_blur, pursuit_claim, pursuit_draw, pursuit_fit, pursuit_gain,
-        pursuit_place, pursuit_quanta, pursuit_residual, pursuit_score,
+        pursuit_place, pursuit_quanta, pursuit_residual, pursuit_score, pursuit_sight,
         status::Resource,
         types::{Candidate, Fit, Frame, Lift, Plot, Texel, View},
     },
@@ -73,6 +73,7 @@ pub(crate) struct Sizes {
     pixels: u32,
     blocks: u32,
     candidates: u32,
+    words: u32,
     chunk_items: u32,
     most: u32,
 }
@@ -96,6 +97,8 @@ buffers! {
         pub(crate) spent: u32 = o.candidates,
         pub(crate) sums: f32 = o.chunk_items as usize * (WIDTHS * SUMS) as usize,
         pub(crate) gains: f32 = o.candidates,
+        /// By candidate: a bit for each view in which its fit shows.
+        pub(crate) sights: u32 = o.candidates as usize * o.words as usize,
         /// Squares of the gains in each view.
         pub(crate) gain_squares: f32 = o.candidates,
         pub(crate) beaten: u32 = o.candidates,
@@ -151,6 +154,7 @@ struct Stages {
     draw: pursuit_draw::Stage,
     score: pursuit_score::Stage,
     fit: pursuit_fit::Stage,
+    sight: pursuit_sight::Stage,
     gain: pursuit_gain::Stage,
     claim: [pursuit_claim::Stage; 2],
     attenuate: pursuit_attenuate::Stage,
@@ -178,6 +182,7 @@ impl Stages {
             draw: pursuit_draw::Stage::new(context, &pursuit_draw::Spec { workgroup_size })?,
             score: pursuit_score::Stage::new(context, &pursuit_score::Spec { workgroup_size })?,
             fit: pursuit_fit::Stage::new(context, &pursuit_fit::Spec { workgroup_size })?,
+            sight: pursuit_sight::Stage::new(context, &pursuit_sight::Spec { workgroup_size })?,
             gain: pursuit_gain::Stage::new(context, &pursuit_gain::Spec { workgroup_size })?,
             claim: [claim(false)?, claim(true)?],
             attenuate: pursuit_attenuate::Stage::new(context, &pursuit_attenuate::Spec { workgroup_size })?,
@@ -264,7 +269,8 @@ impl Placer {
         let blocks = u32::try_from(blocks).map_err(|_| too_many())?;
         pages.push(make(begin.0 as u32..looked.len() as u32, begin.1..blocks, texels, pixels, cells)?);
         // One sort must hold all candidates.
-        let largest = (bound / size_of::<Candidate>() as u64).min(1 << 26) as u32;
+        let words = looked.len().div_ceil(32) as u32;
+        let largest = (bound / (size_of::<Candidate>() as u64).max(4 * u64::from(words))).min(1 << 26) as u32;
         let drawn = most.saturating_mul(options.draws);
         let candidates = drawn.saturating_mul(4).min(FEW_CANDIDATES).max(drawn).clamp(1, largest);
         let item_bytes = 4 * u64::from(WIDTHS * SUMS * options.sizes.max(1));
@@ -274,6 +280,7 @@ impl Placer {
             pixels: views.max_pixels(),
             blocks,
             candidates,
+            words,
             chunk_items: chunk * options.sizes.max(1),
             most: most.max(1),
         };
@@ -314,9 +321,9 @@ impl Placer {
         self.candidates.div_ceil(self.chunk)
     }
 
-    /// Number of choosing steps: one to draw, one per chunk, the rounds.
+    /// Number of choosing steps: one to draw, one per chunk, one for the sights, the rounds.
     pub(super) fn choices(&self) -> u32 {
-        1 + self.fits() + self.options.rounds
+        2 + self.fits() + self.options.rounds
     }
 
     fn pairs(&self) -> [Pairs<'_>; 2] {
@@ -496,16 +503,43 @@ impl Placer {
         );
     }
 
+    /// Words of [`Work::sights`] for each candidate.
+    fn words(&self) -> u32 {
+        self.looks().div_ceil(32)
+    }
+
+    pub(crate) fn record_sights(&self, recorder: &mut Recorder) {
+        let (count, words) = (self.candidates, self.words());
+        for (k, page) in self.pages.iter().enumerate() {
+            self.stages.sight.record(
+                recorder,
+                &bind!(pursuit_sight {
+                    self => views, plots;
+                    page => surface_depths;
+                    self.work => candidates, fits, sights;
+                }),
+                &pursuit_sight::Push {
+                    count,
+                    words,
+                    view_first: page.views.start,
+                    view_end: page.views.end,
+                    begin: u32::from(k == 0),
+                },
+                count * words,
+            );
+        }
+    }
+
     pub(crate) fn record_round(&self, recorder: &mut Recorder) {
         let (w, s) = (&self.work, &self.stages);
-        let count = self.candidates;
+        let (count, words) = (self.candidates, self.words());
         for (k, page) in self.pages.iter().enumerate() {
             s.gain.record(
                 recorder,
                 &bind!(pursuit_gain {
                     self => views, plots;
                     page => surface_depths, texels, explained;
-                    w => candidates, fits, gain_keys, gains, gain_squares;
+                    w => candidates, fits, gain_keys, gains, gain_squares, sights;
                 }),
                 &pursuit_gain::Push {
                     count,
@@ -515,6 +549,7 @@ impl Placer {
                     last: u32::from(k + 1 == self.pages.len()),
                     caution: self.options.caution,
                     doubt: self.options.doubt,
+                    words,
                 },
                 count,
             );
@@ -529,13 +564,14 @@ impl Placer {
                     &bind!(pursuit_claim {
                         self => views, plots;
                         page => surface_depths, claims;
-                        w => candidates, fits, gains, beaten;
+                        w => candidates, fits, gains, beaten, sights;
                     }),
                     &pursuit_claim::Push {
                         count,
                         view_first: page.views.start,
                         view_end: page.views.end,
                         begin: u32::from(k == 0),
+                        words,
                     },
                     count,
                 );
@@ -547,13 +583,14 @@ impl Placer {
                 &bind!(pursuit_attenuate {
                     self => views, plots;
                     page => surface_depths, texels, explained;
-                    w => candidates, fits, gains, beaten, gain_keys;
+                    w => candidates, fits, gains, beaten, gain_keys, sights;
                 }),
                 &pursuit_attenuate::Push {
                     count,
                     view_first: page.views.start,
                     view_end: page.views.end,
                     last: u32::from(k + 1 == self.pages.len()),
+                    words,
                 },
                 count,
             );

@@ -25,7 +25,8 @@ twins!(
     pursuit_place,
     pursuit_quanta,
     pursuit_residual,
-    pursuit_score
+    pursuit_score,
+    pursuit_sight
 );
 
 /// A page in float64.
@@ -187,6 +188,19 @@ pub(super) fn pursuit_fit(h: kernels::pursuit_fit::Host<'_>) -> Outcome {
         };
     }
     debug_assert_eq!((SUMS * WIDTHS) as usize, Sums::default().as_flattened().len());
+    Ok(())
+}
+
+pub(super) fn pursuit_sight(h: kernels::pursuit_sight::Host<'_>) -> Outcome {
+    let p = &h.push;
+    let page = Page::new(h.views, h.plots, h.surface_depths, &[], (p.view_first, p.view_end));
+    for (i, words) in h.sights.chunks_exact_mut(p.words as usize).take(p.count as usize).enumerate() {
+        if p.begin != 0 {
+            words.fill(0);
+        }
+        let (c, fit) = (Candidate::from(&h.candidates[i]), Fit::from(&h.fits[i]));
+        twin::pursuit_sight::pursuit_sight(&page.ground(), &c, &fit, words);
+    }
     Ok(())
 }
 
