@@ -67,7 +67,7 @@ pub struct PursuitOptions {
     /// A supplementary Gaussian with a final opacity below this in every view is removed.
     pub least_opacity: f32,
     /// Degree of the harmonics of Gaussians with lobes, at most the base's. Their lobes already depend on the
-    /// view: more bands gain nothing on the whole (docs/results.md) and take three times the bytes.
+    /// view: more bands gain nothing on the whole (docs/experiments/2026-11-23-augmentation.md) and take three times the bytes.
     pub lobe_degree: u32,
     /// Maximum number of views to look at, evenly spread; `None` for as many as fit three quarters of the free memory beyond `spare`, at some
     /// 34 bytes a pixel. Gains and errors of all views are estimates from these.

@@ -136,7 +136,7 @@ pub const BOUNDS: [Bound; 61] = [
                  promised. In steps, 1 − 0.999 in float32 is off by 1.3e-5, so the second moment's share of g² is. A word of moments holds \
                  the second in steps of 2^-8 of itself, so an error of 1.3e-5 puts one in 300 on the other side of the draw by which it \
                  is rounded; of the first, in steps of 2^-7, fewer. Without the draw it is one in 30. Of betas a few in 1e5 have a factor near 0, \
-                 the angle left to a lobe's end, which float32 knows to 1e-3.",
+                 the angle left to a lobe's end, which float32 knows to 1e-3. Where nothing is packed, one in 10,000 at most.",
     },
     Bound {
         stage: "adam",

@@ -292,6 +292,7 @@ fn batches_fit_the_memory_and_do_not_change_the_result() {
         (refiner.batches().len(), all)
     };
     let (together, expected) = refined(None);
+    // Both views need 49 MB, with the quarter that is left free; one needs 29.
     let (apart, found) = refined(Some(38_000_000));
     assert_eq!([together, apart], [1, 2]);
     assert_eq!(found, expected);

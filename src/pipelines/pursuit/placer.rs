@@ -49,12 +49,18 @@ fn spread(all: usize, most: usize) -> Vec<u32> {
     (0..count).map(|i| (i * all / count) as u32).collect()
 }
 
-/// Working memory of a view of this size, bytes.
-fn view_bytes(frame: &Frame) -> u64 {
+/// Texels of all levels, pixels and cells of a view.
+fn sizes_of(frame: &Frame) -> [u64; 3] {
     let [width, height] = [frame.width, frame.height].map(u64::from);
-    let texels: u64 = (0..LEVELS).map(|k| width.div_ceil(1 << k) * height.div_ceil(1 << k)).sum();
+    let level = |k: u32| width.div_ceil(1 << k) * height.div_ceil(1 << k);
     let cells = width.div_ceil(CELL.into()) * height.div_ceil(CELL.into());
-    size_of::<Texel>() as u64 * texels + 12 * width * height + 4 * cells
+    [(0..LEVELS).map(level).sum(), width * height, cells]
+}
+
+/// Working memory of a view, bytes: its part of the buffers of a [`Page`].
+fn view_bytes(frame: &Frame) -> u64 {
+    let [texels, pixels, cells] = sizes_of(frame);
+    size_of::<Texel>() as u64 * texels + 12 * pixels + 4 * cells
 }
 
 /// Looked-at views that share one set of buffers for their pyramids.
@@ -246,9 +252,7 @@ impl Placer {
                 })
             };
         for (v, frame) in frame_list.iter().enumerate() {
-            let (w, h) = (u64::from(frame.width), u64::from(frame.height));
-            let level = |k: u32| w.div_ceil(1 << k) * h.div_ceil(1 << k);
-            let own: u64 = (0..LEVELS).map(level).sum();
+            let [own, own_pixels, own_cells] = sizes_of(frame);
             if v > begin.0 && (texels + own > most_texels) {
                 pages.push(make(begin.0 as u32..v as u32, begin.1..blocks as u32, texels, pixels, cells)?);
                 begin = (v, blocks as u32);
@@ -262,9 +266,9 @@ impl Placer {
             };
             plot_list.push(first);
             texels += own;
-            pixels += w * h;
-            cells += w.div_ceil(CELL.into()) * h.div_ceil(CELL.into());
-            blocks += (w * h).div_ceil(ERROR_BLOCK.into());
+            pixels += own_pixels;
+            cells += own_cells;
+            blocks += own_pixels.div_ceil(ERROR_BLOCK.into());
         }
         let blocks = u32::try_from(blocks).map_err(|_| too_many())?;
         pages.push(make(begin.0 as u32..looked.len() as u32, begin.1..blocks, texels, pixels, cells)?);
