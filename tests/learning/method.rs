@@ -111,6 +111,7 @@ fn numbers_of_training() -> BTreeMap<&'static str, f64> {
         ("classes: worth of bands that are kept", classes::WORTH_KEEPING),
         ("classes: least true worth that the trial tells, of the squared error", classes::TOLD),
         ("classes: predicted over true worth from which on all bands go", classes::EMPTY),
+        ("classes: most true worth with which all bands go, of the squared error", classes::SHOWN),
         ("classes: part of the bytes for a base that loses bands", classes::BASE_PART),
         ("exposure: first rate", exposure::RATES[0]),
         ("exposure: last rate", exposure::RATES[1]),
