@@ -131,8 +131,9 @@ fn judge(all: &mut Vec<Found>, perturb: f64, shadowed: &Shadowed<'_>) {
     // Only packed moments are rounded to codes, and only betas have factors near 0, at the end of a lobe. Of others, a step flips where a
     // Gaussian's records cancel.
     let may_flip = holds_packed(shadowed) || shadowed.constant(c"sh_degree") == BETAS;
+    let may_cancel = shadowed.stage == "project_backward" && !may_flip;
     match shadowed.stage {
-        "project_backward" if !may_flip => bound.flips = CANCELLED,
+        _ if may_cancel => bound.flips = CANCELLED,
         "adam" if !may_flip => bound.flips = 0.0,
         _ => {}
     }
@@ -144,7 +145,7 @@ fn judge(all: &mut Vec<Found>, perturb: f64, shadowed: &Shadowed<'_>) {
             .map(|b| comparable(shadowed, binding, b.words()));
         let words = words_of(shadowed, binding);
         let is_unordered = is_unordered(shadowed.stage, binding.name);
-        Written { binding, words, kernel, twin, before, plane: plane(shadowed, binding), is_unordered }
+        Written { binding, words, kernel, twin, before, plane: plane(shadowed, binding), is_unordered, may_cancel }
     });
     let written: Vec<Written<'_>> = written.collect();
     // The numbers of an element whose integers flipped differ too.
@@ -307,6 +308,8 @@ struct Written<'a> {
     /// See [`plane`].
     plane: usize,
     is_unordered: bool,
+    /// Whether a flip is a step of a gradient that cancels, and so no larger than others' steps.
+    may_cancel: bool,
 }
 
 impl Written<'_> {
@@ -379,7 +382,8 @@ impl Written<'_> {
             _ => None,
         });
         let numbers: Vec<_> = numbers.collect();
-        let mut groups: BTreeMap<(usize, usize, usize), Vec<(f32, f64)>> = BTreeMap::new();
+        // Pairs, and the largest step of the twin.
+        let mut groups: BTreeMap<(usize, usize, usize), (Vec<(f32, f64)>, f64)> = BTreeMap::new();
         let mut largest = 0.0f64;
         for (i, kernel, twin) in self.changed().filter(|(i, ..)| !skipped.contains(i)) {
             for (word, number, value) in numbers
@@ -392,16 +396,19 @@ impl Written<'_> {
                 let same = got == want || got.is_nan() && want.is_nan();
                 let pair = if same && !got.is_finite() { (0.0, 0.0) } else { (got, f64::from(want)) };
                 largest = largest.max(pair.1.abs());
-                groups.entry((i / self.plane, word, number)).or_default().push(pair);
+                let (pairs, step) = groups.entry((i / self.plane, word, number)).or_default();
+                pairs.push(pair);
+                *step = step.max(f64::from(want - value(self.before[i * self.words.len() + word])).abs());
             }
         }
-        for ((plane, word, _), mut pairs) in groups {
+        for ((plane, word, _), (mut pairs, step)) in groups {
             // Sums that cancel are 0 in float32 and a rounding error in float64.
             let rounding = (1e-15 * largest).max(1e-30);
             pairs.iter_mut().filter(|pair| off(pair) <= rounding).for_each(|pair| pair.1 = pair.0.into());
             if bound.flips > 0.0 {
                 let all = pairs.len();
-                let (left_out, far) = leave_out(&mut pairs, bound);
+                let effect = if self.may_cancel { 2.0 * step } else { FLIP * largest_of(&pairs) };
+                let (left_out, far) = leave_out(&mut pairs, bound, effect);
                 found.row.unequal(far as u64);
                 (found.decided, found.flipped) = (found.decided + all, found.flipped + left_out);
                 if left_out > 0 {
@@ -432,6 +439,10 @@ impl Written<'_> {
 /// size of these, too, so the step is another one. Of 20,000 Gaussians in the image one has a channel of color that cancels to 1e-6.
 const CANCELLED: f64 = 1e-4;
 
+fn largest_of(pairs: &[(f32, f64)]) -> f64 {
+    pairs.iter().fold(0.0, |largest, pair| largest.max(pair.1.abs()))
+}
+
 fn off(&(got, want): &(f32, f64)) -> f64 {
     (f64::from(got) - want).abs()
 }
@@ -441,8 +452,8 @@ fn off(&(got, want): &(f32, f64)) -> f64 {
 const FLIP: f64 = 0.05;
 
 /// Removes the worst pairs until the others are within the bounds, because a flip at a threshold changes dependent numbers by more than
-/// rounding does. Returns how many it removed, and how many of these differ by more than a flip explains.
-fn leave_out(pairs: &mut Vec<(f32, f64)>, bound: &Bound) -> (usize, usize) {
+/// rounding does. Returns how many it removed, and how many of these differ by more than `effect`, which a flip explains.
+fn leave_out(pairs: &mut Vec<(f32, f64)>, bound: &Bound, effect: f64) -> (usize, usize) {
     pairs.sort_by(|a, b| off(a).total_cmp(&off(b)));
     // The longest prefix within the bounds, and the sums over the pairs seen so far.
     let (mut held, mut error, mut signed) = (0, 0.0, 0.0);
@@ -458,7 +469,7 @@ fn leave_out(pairs: &mut Vec<(f32, f64)>, bound: &Bound) -> (usize, usize) {
         }
     }
     let out = pairs.split_off(held);
-    (out.len(), out.iter().filter(|pair| !(off(pair) <= FLIP * largest)).count())
+    (out.len(), out.iter().filter(|pair| !(off(pair) <= effect)).count())
 }
 
 #[cfg(test)]
@@ -474,10 +485,10 @@ mod tests {
     fn flips_are_left_out_if_the_others_are_within_bounds() {
         let mut pairs: Vec<(f32, f64)> = (0..1000).map(|i| (i as f32, f64::from(i))).collect();
         (pairs[7].0, pairs[9].0, pairs[11].1) = (500.0, f32::NAN, f64::NAN);
-        assert_eq!((leave_out(&mut pairs, &bound(0.1)), pairs.len()), ((3, 3), 997));
+        assert_eq!((leave_out(&mut pairs, &bound(0.1), FLIP * 999.0), pairs.len()), ((3, 3), 997));
         // An error in all elements is not a flip.
         let mut pairs: Vec<(f32, f64)> = (1..1000).map(|i| (1.001 * i as f32, f64::from(i))).collect();
-        let (left_out, far) = leave_out(&mut pairs, &bound(0.1));
+        let (left_out, far) = leave_out(&mut pairs, &bound(0.1), FLIP * 999.0);
         assert!(left_out > 500 && far == 0);
     }
 
@@ -496,6 +507,7 @@ mod tests {
                 before: before[..].into(),
                 plane: usize::MAX,
                 is_unordered,
+                may_cancel: false,
             };
             let row = Row::new("blend", "", 0.0);
             let mut found = Found { row, decided: 0, flipped: 0, times: vec![] };
