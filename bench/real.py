@@ -8,7 +8,7 @@ Rows of a dataset and seed:
 
 - 0, 1, 2, 3: `glint train` with harmonics of this degree and as many Gaussians as fit the bytes;
 - bytes: `glint train --bytes`, which leaves bands to some Gaussians;
-- run: `glint train --bytes` with a share of the bytes, then `glint enhance --total-bytes` with all, as `glint run` does;
+- run: `glint train --bytes`, then `glint enhance --total-bytes`, as `glint run` does;
 - run0: `glint train --sh-degree 0` with a share of the bytes, then `glint enhance --bytes` with the rest;
 - run1, run2, run3: `glint train` with more than the bytes, then `glint enhance --total-bytes`, as `glint run --sh-degree` does.
 
@@ -27,7 +27,7 @@ import time
 GAUSSIAN_BYTES = {0: 56, 1: 104, 2: 164, 3: 248}
 JOINT_STEPS = 30
 # Of the bytes, for the base; as in src/cli/run.rs.
-SHARES = {None: 0.93, 0: 0.65, 1: 1.25, 2: 1.25, 3: 1.25}
+SHARES = {None: 1, 0: 0.65, 1: 1.25, 2: 1.25, 3: 1.25}
 UNITS = {"GB": 1e9, "MB": 1e6, "kB": 1e3}
 
 

@@ -165,8 +165,6 @@ impl ChoiceArgs {
             Preset::Paper => EnhanceOptions::paper(),
         };
         Ok(EnhanceOptions {
-            method: preset.method,
-            pursuit: preset.pursuit,
             median_threshold: self.depth_threshold,
             centre_depth: self.centre_depth,
             schedule: Schedule { shared_steps: self.shared_steps, ..preset.schedule },
@@ -175,10 +173,7 @@ impl ChoiceArgs {
                 plain_weights: self.pca_weights == Weights::Plain,
             },
             join: JoinOptions { bias_correction: self.bias_correction, ..preset.join },
-            ratio: preset.ratio,
-            bytes: preset.bytes,
-            weigh: preset.weigh,
-            bands: preset.bands,
+            ..preset
         })
     }
 }
@@ -213,7 +208,8 @@ pub(super) struct Args {
     bytes: Option<u64>,
     /// Maximum size of all Gaussians in the file, such as 25MB, in place of that of the added ones. Bands of harmonics that
     /// prevent little error are removed from the base, and added Gaussians take their bytes; a base of train --bytes keeps
-    /// its bands if it leaves room. Viewers that do not know this format show constant colors
+    /// its bands if it leaves room. If too few Gaussians fade, the faintest are left out. Viewers that do not know this
+    /// format show constant colors
     #[arg(long, value_name = "BYTES", value_parser = units::bytes, conflicts_with = "bytes")]
     #[serde(skip_serializing_if = "Option::is_none")]
     total_bytes: Option<u64>,
@@ -367,7 +363,6 @@ impl Args {
         if let Some(total) = self.total_bytes {
             let bar = Progress::new("weighing bands", "steps", 1);
             let demoted = demote(&session, scene, &views, total, |[done, all]| bar.set_of(done.into(), all.into()))?;
-            task.options.bytes = Some(total.saturating_sub(scene_bytes(demoted.as_ref().unwrap_or(scene))));
             task.demoted = demoted;
         }
         let (base, options) = (task.to_augment(), &task.options);
@@ -452,7 +447,11 @@ impl Args {
                 -change
             ));
             write_ply(&self.output, scene, None, trained_with)?;
-        } else if found.original.is_none() && !found.scene.mixed && known.base_alone.psnr < known.before.psnr {
+        } else if found.original.is_none()
+            && !found.scene.mixed
+            && self.total_bytes.is_none()
+            && known.base_alone.psnr < known.before.psnr
+        {
             // On the training photos, the changed base alone was better.
             found.original = Some(scene.base.clone());
             known.base_alone = known.before;
@@ -493,7 +492,7 @@ impl Args {
                 bytes_added: if discarded {
                     0
                 } else {
-                    allowance.taken(found.plain, found.lifted) + found.promotion.bytes()
+                    scene_bytes(&found.scene).saturating_sub(scene_bytes(task.to_augment()))
                 },
                 file_bytes: fs::metadata(&self.output).map_err(|e| Error::io(&self.output, e))?.len(),
             },
@@ -542,7 +541,7 @@ impl Args {
             (None, Some(_)) => (MOST_BY_BYTES, Weigh::Tell),
             (None, None) => (MOST_BY_GAIN, Weigh::Limit),
         };
-        Ok(EnhanceOptions { ratio, weigh, bytes: self.budget(), ..options })
+        Ok(EnhanceOptions { ratio, weigh, bytes: self.bytes, total_bytes: self.total_bytes, ..options })
     }
 }
 

@@ -64,9 +64,9 @@ const CURVE: u32 = 5;
 
 /// Share of --time for the base and for the augmentation; not tuned. The rest is for report and page.
 const TIME: [f64; 2] = [0.55, 0.35];
-/// Bytes of the base, of --bytes (docs/experiments/2026-11-30-number.md), of one of constant colors (docs/experiments/2026-11-28-run.md),
-/// and of one with harmonics, which gives up bands later (docs/experiments/2026-11-30-demotion.md).
-const BASE_BYTES: [f64; 3] = [0.93, 0.65, 1.25];
+/// Bytes of a base of constant colors, of --bytes (docs/experiments/2026-11-28-run.md), and of one with harmonics of a single degree, which
+/// gives up bands later (docs/experiments/2026-11-30-demotion.md). Without a degree the base takes all, because some of it fades later.
+const BASE_BYTES: [f64; 2] = [0.65, 1.25];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum Preset {
@@ -194,10 +194,9 @@ impl Args {
         let most = fit.min(most_gaussians(pixels).max(points)) as u64;
         let all = default_gaussians(points, pixels) as u64 * gaussian_bytes(3, false);
         let (one, share) = match self.sh_degree {
-            None => (gaussian_bytes(0, false), BASE_BYTES[0]),
-            Some(0) => (gaussian_bytes(0, false), 1.0),
+            None | Some(0) => (gaussian_bytes(0, false), 1.0),
             // A base with harmonics is larger than the scene.
-            Some(degree) => (gaussian_bytes(degree, false), BASE_BYTES[2]),
+            Some(degree) => (gaussian_bytes(degree, false), BASE_BYTES[1]),
         };
         Ok(all.min(((most * one) as f64 / share) as u64))
     }
@@ -341,9 +340,9 @@ impl Step {
 
 /// Options for the size of a base that starts from up to `points` sparse points, and for that of its augmentation.
 fn shares(bytes: u64, sh_degree: Option<u32>, points: usize) -> Result<(Vec<String>, [String; 2])> {
-    let [mixed, constant, banded] = BASE_BYTES.map(|share| (share * bytes as f64) as u64);
+    let [constant, banded] = BASE_BYTES.map(|share| (share * bytes as f64) as u64);
     let (base, one) = match sh_degree {
-        None => (mixed, classes::most_bytes()),
+        None => (bytes, classes::most_bytes()),
         Some(0) => (constant, gaussian_bytes(0, false)),
         Some(degree) => (banded, gaussian_bytes(degree, false)),
     };
@@ -438,10 +437,10 @@ mod tests {
             [base.join(" "), rest.join(" ")]
         };
         let left = 1_000_000 - 11_607 * 56;
-        assert_eq!(of(None), ["--bytes 930000", "--total-bytes 1000000"]);
+        assert_eq!(of(None), ["--bytes 1000000", "--total-bytes 1000000"]);
         assert_eq!(of(Some(0)), ["--sh-degree 0 --gaussians 11607".into(), format!("--bytes {left}")]);
         assert_eq!(of(Some(3)), ["--sh-degree 3 --gaussians 5040 --points 2520", "--total-bytes 1000000"]);
         assert!(shares(80, Some(0), 0).unwrap_err().to_string().contains("a Gaussian takes 56"));
-        assert!(shares(250, None, 0).is_err());
+        assert!(shares(235, None, 0).is_err());
     }
 }

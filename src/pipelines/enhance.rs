@@ -20,11 +20,12 @@ use super::{
     render::{MEDIAN_THRESHOLD, Needs, RenderOptions, Renderer},
     screen::{self, Refiner, Schedule, base_losses, budgets},
     session::Session,
-    spend::{Allowance, Spending, TrainingOn, Weigh},
+    spend::{Allowance, OVERFILL, Spending, TrainingOn, Weigh, leave_out_faintest},
     train::{TrainReport, Trainer},
     views::Views,
 };
 use crate::{
+    data::scene_bytes,
     error::{Error, Result},
     scene::{Gaussians, Scene, Supplement, color},
     stages::types::Lift,
@@ -56,6 +57,9 @@ pub struct EnhanceOptions {
     pub ratio: f64,
     /// [`Method::Pursuit`]: maximum size of the added Gaussians in a file, bytes.
     pub bytes: Option<u64>,
+    /// [`Method::Pursuit`]: maximum size of the whole scene in a file, bytes, in place of `bytes`. Until the end it may take [`OVERFILL`] times
+    /// as many. Its base loses the Gaussians that no image shows, and the faintest if it is still too large; it is not stored twice.
+    pub total_bytes: Option<u64>,
     /// [`Method::Pursuit`]: whether placement is weighed against longer training.
     pub weigh: Weigh,
     /// [`Method::Pursuit`]: whether Gaussians of a base of constant colors get bands where these gain more per byte than what is placed.
@@ -96,6 +100,7 @@ impl EnhanceOptions {
             pursuit: PursuitOptions::default(),
             ratio: 0.1,
             bytes: None,
+            total_bytes: None,
             weigh: Weigh::Not,
             bands: false,
             schedule: Schedule::PAPER,
@@ -108,7 +113,9 @@ impl EnhanceOptions {
 
     /// Limits of an augmentation of `scene`, and the price of a Gaussian.
     pub fn allowance(&self, scene: &Scene) -> Allowance {
-        Allowance::new(scene, self.lobe_degree(scene), self.ratio, self.bytes)
+        let overfilled = self.total_bytes.map(|total| (OVERFILL * total as f64) as u64);
+        let bytes = overfilled.map_or(self.bytes, |bytes| Some(bytes.saturating_sub(scene_bytes(scene))));
+        Allowance::new(scene, self.lobe_degree(scene), self.ratio, bytes)
     }
 
     /// Degree of the harmonics of supplementary Gaussians; the paper's have the base's degree.
@@ -177,7 +184,7 @@ pub struct Times {
 #[derive(Debug, Default)]
 pub struct Enhanced {
     /// Base and supplement after the joint phase; added Gaussians without lobes follow the base's own, and those with bands follow them.
-    /// From a mixed base, those that no image shows are removed, unless all that have bands would go.
+    /// From a mixed base, or if the total size has a limit, those that no image shows are removed, unless all that have bands would go.
     pub scene: Scene,
     /// The original base, if the trained one is worse without the supplement: other viewers should show this
     /// one.
@@ -192,7 +199,7 @@ pub struct Enhanced {
     pub lifted: u32,
     /// Added Gaussians without lobes, including those that faded.
     pub plain: u32,
-    /// Gaussians that were removed because they had become transparent in every view.
+    /// Gaussians that were removed: transparent in every view, or the faintest beyond a limit.
     pub faded: u32,
     /// Views with lifts from an earlier run.
     pub resumed: usize,
@@ -708,6 +715,8 @@ impl Enhancer {
         let mut scene = self.model.download()?;
         let lifted = self.model.count_of(Segment::Supplement);
         let plain = (scene.base.len() - self.original.base.len()) as u32;
+        let total = self.options.total_bytes;
+        let mut greatest = Vec::new();
         if let (Method::Pursuit, Some(supplement)) = (self.options.method, &mut scene.supplement) {
             let room = self.allowance.lobes_beside(plain) as usize;
             let opacities = greatest_opacities(supplement, views, scene.origin);
@@ -717,23 +726,24 @@ impl Enhancer {
             let mut keep = vec![false; opacities.len()];
             order.iter().take(room).for_each(|&i| keep[i] = opacities[i] >= self.options.pursuit.least_opacity.into());
             supplement.retain(|i| keep[i]);
+            greatest = (0..keep.len()).filter(|&i| keep[i]).map(|i| opacities[i]).collect();
         }
-        scene.supplement = scene.supplement.filter(|s| !s.gaussians.is_empty());
-        // Other viewers show a mixed scene's constant colors.
-        let original = (self.worse_alone && !scene.mixed).then_some(self.original.base);
-        let left = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32);
-        let mut faded = lifted - left;
-        // Only a mixed base may lose Gaussians: the file of another may have to begin with the original base.
-        if scene.mixed && self.found.join.is_some() {
-            let all = scene.base.len();
+        // The file of another base may have to begin with the original.
+        let is_free = scene.mixed || total.is_some();
+        let original = (self.worse_alone && !is_free).then_some(self.original.base);
+        let all = scene.base.len();
+        if is_free && self.found.join.is_some() {
             let shown: Vec<usize> = (0..all).filter(|&i| is_shown(scene.base.opacities[i])).collect();
             let base = scene.base.reordered(&shown);
             // Without bands it would no longer be mixed.
-            if base.constants() < shown.len() {
-                faded += (all - shown.len()) as u32;
+            if !scene.mixed || base.constants() < shown.len() {
                 scene.base = base;
             }
+            total.iter().for_each(|&total| leave_out_faintest(&mut scene, &greatest, total));
         }
+        scene.supplement = scene.supplement.filter(|s| !s.gaussians.is_empty());
+        let left = scene.supplement.as_ref().map_or(0, |s| s.gaussians.len() as u32);
+        let faded = lifted - left + (all - scene.base.len()) as u32;
         Ok(Enhanced { scene, original, lifted: left, plain, faded, ..self.found })
     }
 

@@ -6,12 +6,19 @@
 use serde::{Deserialize, Serialize};
 
 use super::bands::Promotion;
-use crate::{data::gaussian_bytes, scene::Scene};
+use crate::{
+    data::{band_bytes, gaussian_bytes, scene_bytes},
+    scene::Scene,
+};
 
 /// Maximum number of added Gaussians relative to the base, if gains decide the number.
 pub const MOST_BY_GAIN: f64 = 0.25;
 /// Maximum number of added Gaussians relative to the base, if bytes limit it.
 pub const MOST_BY_BYTES: f64 = 1.0;
+
+/// Size of a scene before the joint phase, of that after it, if its total size has a limit. In the joint phase 7 to 18 % of the bytes fade;
+/// if fewer do, the faintest are left out (docs/experiments/2026-11-30-number.md).
+pub const OVERFILL: f64 = 1.1;
 
 /// Selects whether Gaussians compete with longer training of the base.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -94,6 +101,37 @@ fn allowed(most: u64, index: u32, placements: u32) -> u64 {
         0 | 1 => most,
         _ => most.div_ceil(2) + (u128::from(most / 2) * u128::from(index) / u128::from(placements - 1)) as u64,
     }
+}
+
+/// Leaves out the Gaussians with the lowest opacity so that `scene` takes at most `bytes` in a file; those with bands in a mixed scene go last.
+/// `greatest` has the opacity of each supplementary Gaussian.
+pub fn leave_out_faintest(scene: &mut Scene, greatest: &[f64], bytes: u64) {
+    let count = scene.base.len();
+    let constants = if scene.mixed { scene.base.constants() } else { count };
+    let plain = gaussian_bytes(scene.plain_degree(), false);
+    let banded = plain + band_bytes(scene.base.sh_degree);
+    let lobed = scene.supplement.as_ref().map_or(0, |supplement| gaussian_bytes(supplement.gaussians.sh_degree, true));
+    let of_base = scene.base.opacities.iter().map(|&logit| 1.0 / (1.0 + (-f64::from(logit)).exp()));
+    let opacities: Vec<f64> = of_base.chain(greatest.iter().copied()).collect();
+    let has_bands = |i| (constants..count).contains(&i);
+    let mut order: Vec<usize> = (0..opacities.len()).collect();
+    order.sort_by(|&a, &b| has_bands(a).cmp(&has_bands(b)).then(opacities[a].total_cmp(&opacities[b])));
+    let mut taken = scene_bytes(scene);
+    let mut keep = vec![true; opacities.len()];
+    for i in order {
+        if taken <= bytes {
+            break;
+        }
+        keep[i] = false;
+        taken -= match i {
+            _ if i >= count => lobed,
+            _ if has_bands(i) => banded,
+            _ => plain,
+        };
+    }
+    let shown: Vec<usize> = (0..count).filter(|&i| keep[i]).collect();
+    scene.base = scene.base.reordered(&shown);
+    scene.supplement.iter_mut().for_each(|supplement| supplement.retain(|i| keep[count + i]));
 }
 
 /// Gain of longer training of the base, measured in a short run.
@@ -302,10 +340,45 @@ impl Spending {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Gaussians;
+    use crate::scene::{Gaussians, Lobes, Supplement, layout};
 
     fn base(count: usize, sh_degree: u32) -> Scene {
         Scene { base: Gaussians { sh_degree, means: vec![[0.0; 3]; count], ..Default::default() }, ..Scene::default() }
+    }
+
+    /// Three constants have opacities of 0.1, 0.3 and 0.5, one with bands 0.01, and two with lobes 0.2 and 0.4.
+    #[test]
+    fn the_faintest_are_left_out_and_those_with_bands_last() {
+        let logit = |p: f32| (p / (1.0 - p)).ln();
+        let with = |count: usize, sh_degree: u32, opacities: &[f32]| Gaussians {
+            sh_degree,
+            means: (0..count).map(|i| [i as f32, 0.0, 0.0]).collect(),
+            log_scales: vec![[0.0; 3]; count],
+            quats: vec![[1.0, 0.0, 0.0, 0.0]; count],
+            opacities: opacities.iter().map(|&p| logit(p)).collect(),
+            sh: vec![[0.0; 3]; count * layout::coefficients(sh_degree)],
+        };
+        let mut base = with(4, 1, &[0.1, 0.3, 0.5, 0.01]);
+        base.sh[4 * 3 + 1] = [1.0; 3];
+        let lobes = Lobes { directions: vec![[0.0, 0.0, 1.0]; 2], widths: vec![1.0; 2], sharpness: vec![1.0; 2] };
+        let supplement = Some(Supplement { gaussians: with(2, 0, &[0.9, 0.9]), lobes });
+        let whole = Scene { base, supplement, mixed: true, ..Scene::default() };
+        let left = |bytes: u64| {
+            let mut scene = whole.clone();
+            leave_out_faintest(&mut scene, &[0.2, 0.4], bytes);
+            assert!(scene_bytes(&scene) <= bytes);
+            let of = |gaussians: &Gaussians| gaussians.means.iter().map(|mean| mean[0] as u32).collect::<Vec<_>>();
+            (of(&scene.base), of(&scene.supplement.unwrap().gaussians))
+        };
+        // 56 bytes each, 92 with bands and 76 with a lobe.
+        let all = scene_bytes(&whole);
+        assert_eq!(all, 3 * 56 + 92 + 2 * 76);
+        assert_eq!(left(all), (vec![0, 1, 2, 3], vec![0, 1]));
+        assert_eq!(left(all - 1), (vec![1, 2, 3], vec![0, 1]));
+        assert_eq!(left(all - 57), (vec![1, 2, 3], vec![1]));
+        assert_eq!(left(all - 57 - 76), (vec![2, 3], vec![1]));
+        assert_eq!(left(92), (vec![3], vec![]));
+        assert_eq!(left(91), (vec![], vec![]));
     }
 
     #[test]

@@ -178,12 +178,13 @@ fn an_augmented_scene_can_be_smaller_than_its_base() {
     let number = |name: &str| report[name].as_u64().unwrap();
     let (info, lost) = (work.json("info a.ply --json"), number("demoted_gaussians"));
     assert_eq!(info["banded"].as_u64().unwrap_or_default(), 300 - lost, "{report} {info}");
-    // The base takes at most 0.85 of them: bands of 36 bytes for 123 Gaussians. Fits to 3 photos miss the fourth.
-    assert!(lost >= 177 && number("supplementary_gaussians") > 0, "{report}");
+    // The base takes at most 0.93 of them: bands of 36 bytes for 179 Gaussians. Fits to 3 photos miss the fourth.
+    assert!(lost >= 121 && number("supplementary_gaussians") > 0, "{report}");
     let base = 16_800 + 36 * (300 - lost);
-    assert_eq!(report["plan"]["bytes_allowed"], 25_000 - base);
+    // A tenth more may be placed, because some of the base fades.
+    assert_eq!(report["plan"]["bytes_allowed"], 27_500 - base);
     // A header of 2 KB.
-    assert!(base + number("bytes_added") <= 25_000 && number("file_bytes") <= 27_000, "{report}");
+    assert!((23_000..=27_000).contains(&number("file_bytes")), "{report}");
     // The estimate of longer training is of the base without these bands; the control is of the whole.
     assert!(report["plan"]["training_on_db"].is_null() && report["gain"]["longer_training"]["measured"] == true);
     let refused = work.run(&format!("{enhance} --total-bytes 16kB --force"));

@@ -70,7 +70,7 @@ fn a_scene_without_a_degree_has_bands_where_they_pay() {
     let found = work.json("run data -o out --preset draft --bytes 22kB --json");
     let lines: Vec<&str> = found["commands"].as_array().unwrap().iter().map(|line| line.as_str().unwrap()).collect();
     assert_eq!(lines.len(), 4);
-    assert!(lines[0].starts_with("glint train data --bytes 20460 --iterations 2000 -o out/base.ply"), "{lines:?}");
+    assert!(lines[0].starts_with("glint train data --bytes 22000 --iterations 2000 -o out/base.ply"), "{lines:?}");
     assert!(lines[1].contains(" --total-bytes 22000"), "{lines:?}");
     let banded = found["train"]["banded"].as_u64().unwrap() as usize;
     let scene = read_scene(work.path("out/scene.ply")).unwrap();
