@@ -383,7 +383,8 @@ impl Written<'_> {
         });
         let numbers: Vec<_> = numbers.collect();
         // Pairs, and the largest step of the twin.
-        let mut groups: BTreeMap<(usize, usize, usize), (Vec<(f32, f64)>, f64)> = BTreeMap::new();
+        type Group = (Vec<(f32, f64)>, f64);
+        let mut groups: BTreeMap<(usize, usize, usize), Group> = BTreeMap::new();
         let mut largest = 0.0f64;
         for (i, kernel, twin) in self.changed().filter(|(i, ..)| !skipped.contains(i)) {
             for (word, number, value) in numbers
